@@ -1,0 +1,86 @@
+/// The binary node layout of the papers: kd nodes of 8 bytes and plane nodes of 16, in depth-first order.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "accelerator.h"
+#include "tree.h"
+#include "triangle_block.h"
+
+namespace bsp {
+
+/// One or two words make a node. Its kind and where its second child (interior) or its first block (leaf) is share 32
+/// bits; the child below follows the node.
+class NodeWord {
+public:
+    enum Kind : std::uint32_t { axis_x, axis_y, axis_z, leaf, oblique_x, oblique_y, oblique_z };
+    static constexpr std::uint32_t max_index = (1u << 29) - 1;
+
+    static NodeWord interior(Kind kind, float offset, std::uint32_t above) {
+        NodeWord word;
+        word.m_value = offset;
+        word.m_bits = above << 3 | kind;
+        return word;
+    }
+    static NodeWord make_leaf(std::uint32_t first_block, std::uint32_t triangle_count) {
+        NodeWord word;
+        std::memcpy(&word.m_value, &triangle_count, sizeof triangle_count);
+        word.m_bits = first_block << 3 | leaf;
+        return word;
+    }
+    /// The second word of an oblique node.
+    static NodeWord slopes(float a, float b) {
+        NodeWord word;
+        word.m_value = a;
+        std::memcpy(&word.m_bits, &b, sizeof b);
+        return word;
+    }
+
+    Kind kind() const { return Kind(m_bits & 7); }
+    bool is_leaf() const { return kind() == leaf; }
+    bool is_axis() const { return kind() < leaf; }
+    unsigned axis() const { return m_bits & 3; } ///< of kinds that have one: the values are chosen so
+    float offset() const { return m_value; }
+    std::uint32_t index() const { return m_bits >> 3; } ///< word of the child above, or the leaf's first block
+    std::uint32_t triangle_count() const {
+        std::uint32_t count;
+        std::memcpy(&count, &m_value, sizeof count);
+        return count;
+    }
+    float a() const { return m_value; }
+    float b() const {
+        float b;
+        std::memcpy(&b, &m_bits, sizeof b);
+        return b;
+    }
+
+private:
+    float m_value = 0;
+    std::uint32_t m_bits = 0;
+};
+
+static_assert(sizeof(NodeWord) == 8);
+
+/// The region of the root, rounded outward.
+struct Box {
+    Vec3f lower, upper;
+};
+
+struct BinaryLayout {
+    Box box;
+    std::vector<NodeWord> words;
+    std::vector<TriangleBlock> blocks;
+    bool has_oblique = false; ///< a tree whose splits are all axis-aligned has no plane nodes, whatever built it
+
+    std::size_t bytes() const { return words.size() * sizeof(NodeWord) + blocks.size() * sizeof(TriangleBlock); }
+};
+
+/// The split planes, in the order of the nodes.
+std::vector<Plane> planes_of(const BinaryLayout &layout);
+
+/// Throws std::length_error if the tree does not fit 29-bit indices.
+BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set);
+
+} // namespace bsp

@@ -1,0 +1,53 @@
+#include "faults.h"
+
+#include <stdexcept>
+
+#include "binary_tree.h"
+#include "builder.h"
+
+namespace bsp {
+namespace {
+
+using Maker = std::unique_ptr<Accelerator> (*)(BinaryLayout, const Tree &, const TriangleSet &, Statistics);
+
+struct NamedFault {
+    const char *name;
+    Maker make;
+};
+
+constexpr NamedFault faults[] = {
+    {"first_of_ties", make_binary_tree<WoopTest, Fault::first_of_ties>},
+    {"far_child_dropped", make_binary_tree<WoopTest, Fault::far_child_dropped>},
+    {"wrong_side", make_binary_tree<WoopTest, Fault::wrong_side>},
+    {"signed_zero", make_binary_tree<WoopTest, Fault::signed_zero>},
+    {"small_bound", make_binary_tree<WoopTest, Fault::small_bound>},
+    {"no_bound", make_binary_tree<WoopTest, Fault::no_bound>},
+    {"early_out", make_binary_tree<WoopTest, Fault::early_out>},
+    {"short_stack", make_binary_tree<WoopTest, Fault::short_stack>},
+};
+
+} // namespace
+
+std::vector<std::string> fault_names() {
+    std::vector<std::string> names;
+    for (const NamedFault &fault : faults)
+        names.emplace_back(fault.name);
+    return names;
+}
+
+std::unique_ptr<Accelerator> make_faulty_accelerator(const TriangleSet &set, const Settings &settings,
+                                                     const std::string &name) {
+    if (settings.tree == TreeKind::brute)
+        throw std::invalid_argument("brute force has no traversal to plant a fault in");
+    for (const NamedFault &fault : faults)
+        if (name == fault.name) {
+            const Tree tree = build_tree(set, settings);
+            return fault.make(pack_binary(tree, set), tree, set, {});
+        }
+    std::string known;
+    for (const std::string &other : fault_names())
+        known += (known.empty() ? "" : ", ") + other;
+    throw std::invalid_argument("there is no fault '" + name + "': the faults are " + known);
+}
+
+} // namespace bsp

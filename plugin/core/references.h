@@ -1,0 +1,44 @@
+/// The triangles of a node, clipped to its cell: they live only while the tree is built.
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "direction.h"
+#include "triangles.h"
+
+namespace bsp {
+
+/// Reference i is the convex polygon `vertices[starts[i]] .. vertices[starts[i + 1] - 1]`: the part of triangle
+/// `ids[i]` inside the cell, in double precision. Ids are ascending and distinct.
+struct ReferenceList {
+    std::vector<std::uint32_t> ids;
+    std::vector<std::uint32_t> starts{0};
+    std::vector<Vec3d> vertices;
+
+    std::size_t size() const { return ids.size(); }
+    void reserve(std::size_t references, std::size_t vertex_count);
+    void add(std::uint32_t id, const Vec3d *polygon, std::size_t count);
+
+    /// Smallest and largest position of reference `i` along `direction`.
+    std::pair<double, double> extent(std::size_t i, const Direction &direction) const;
+};
+
+/// References to all valid triangles, not clipped.
+ReferenceList make_references(const TriangleSet &set);
+
+/// A plane across a node, as the sweep finds it.
+struct SweptPlane {
+    float offset = 0;
+    bool planar_below = false;          ///< triangles in the plane go below (else above): the cheaper side
+    std::uint32_t below = 0, above = 0; ///< references on either side
+    double cost = 0;                    ///< of both children's triangles, the step itself not included
+};
+
+/// The references on either side of a plane. What touches the plane with an edge or a vertex only stays on its side;
+/// what crosses it is cut; what lies in it goes below or above as a whole.
+std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &references, const Direction &direction,
+                                                         const SweptPlane &plane);
+
+} // namespace bsp

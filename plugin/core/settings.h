@@ -1,0 +1,73 @@
+/// What a spec says: which tree, how it is built, which triangle test. The one place where defaults are written.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace bsp {
+
+enum class TreeKind { kd, random, normals, clustered, brute };
+enum class AxesPolicy { none, plain, fast };
+enum class TriangleTest { woop, mt };
+/// What an oblique split of n triangles costs when splits are compared; the step itself always costs `oblique_cost`.
+enum class ObliquePrice {
+    constant,  ///< oblique_cost
+    linear,    ///< axis_cost + alpha * intersection_cost * (n - 1): Ize, Wald, Parker 2008; Hoobergs 2019
+    surcharge, ///< oblique_cost + alpha * intersection_cost * (n - 1)
+};
+
+/// Prices of the surface area heuristic (MacDonald, Booth 1990). Only their ratios matter.
+struct CostModel {
+    double intersection_cost = 0.3; ///< one triangle test
+    double axis_cost = 1.0;         ///< one step through an axis-aligned node
+    double oblique_cost = 1.1;      ///< one step through an oblique node
+    ObliquePrice oblique_price = ObliquePrice::surcharge;
+    double alpha = 0.1;       ///< how the price of oblique splits grows with the node
+    double empty_bonus = 0.9; ///< factor on the children's cost when one of them is empty
+};
+
+struct Settings {
+    TreeKind tree = TreeKind::kd;
+    int k = 6; ///< directions swept at a node, the axes included
+    AxesPolicy axes = AxesPolicy::fast;
+    std::uint64_t seed = 0;
+    TriangleTest triangle_test = TriangleTest::woop;
+    CostModel cost;
+    int leaf_size = 1;           ///< nodes with this many triangles or fewer are not split
+    int bad_refines = 1;         ///< splits dearer than a leaf that may follow one another; undone if they never pay
+    int max_depth = 0;           ///< levels of interior nodes; 0: 8 + 1.6 log2(n), at most depth_limit
+    double max_references = 8.0; ///< cap on references per triangle, over the whole tree
+};
+
+/// No tree is deeper than this; the traversal stack has room for it.
+constexpr int depth_limit = 60;
+
+using SettingValue = std::variant<bool, std::int64_t, double, std::string>;
+using Options = std::vector<std::pair<std::string, std::string>>;
+
+/// One line of the documentation of a setting.
+struct SettingHelp {
+    std::string name, values, meaning;
+    SettingValue default_value;
+};
+
+/// Names of all trees, in the order they are listed to users.
+std::vector<std::string> tree_names();
+
+/// The settings of `tree` with `options` (key, value) applied to the defaults. Throws std::invalid_argument with one
+/// sentence that names the mistake and the valid choices.
+Settings make_settings(const std::string &tree, const Options &options);
+
+/// Every setting that `settings.tree` has, with its value, in a fixed order.
+std::vector<std::pair<std::string, SettingValue>> list_settings(const Settings &settings);
+
+/// NAME:key=value,... with every setting of the tree.
+std::string full_spec(const Settings &settings);
+
+/// What the settings mean, in the same order; `tree` as in `make_settings`.
+std::vector<SettingHelp> settings_help(const std::string &tree);
+
+} // namespace bsp

@@ -1,0 +1,78 @@
+#include "sweep.h"
+
+#include <algorithm>
+
+#include "sorting.h"
+
+namespace bsp {
+namespace {
+
+/// End points of a node's references along one direction, as floats: starts rounded down, ends rounded up. For a plane
+/// whose offset is a float, comparing it with these gives the same answer as comparing it with the exact end points.
+struct Events {
+    std::vector<float> starts, ends, planar; ///< sorted; planar: references that lie in one plane of the family
+    std::vector<float> scratch;
+
+    void collect(const ReferenceList &references, const Direction &direction) {
+        const std::size_t count = references.size();
+        starts.resize(count);
+        ends.resize(count);
+        planar.clear();
+        for (std::size_t i = 0; i < count; ++i) {
+            const auto [low, high] = references.extent(i, direction);
+            starts[i] = round_down(low);
+            ends[i] = round_up(high);
+            if (starts[i] == ends[i])
+                planar.push_back(starts[i]);
+        }
+        sort_floats(starts, scratch);
+        sort_floats(ends, scratch);
+        sort_floats(planar, scratch);
+    }
+};
+
+} // namespace
+
+std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cell, const Direction &direction,
+                                const CostModel &cost) {
+    static thread_local Events events; // reused, as the profile below: a node is swept many times
+    events.collect(references, direction);
+    const auto &[starts, ends, planar, scratch] = events;
+
+    const std::uint32_t count = std::uint32_t(references.size());
+    static thread_local AreaProfile profile;
+    profile.reset(cell, direction);
+    const double scale = cost.intersection_cost / cell.area();
+    std::optional<SweptPlane> best;
+    const auto consider = [&](float offset, bool planar_below, std::uint32_t below, std::uint32_t above,
+                              double area_below, double area_above) {
+        const double bonus = below == 0 || above == 0 ? cost.empty_bonus : 1.0;
+        const double price = bonus * scale * (area_below * below + area_above * above);
+        if (!best || price < best->cost)
+            best = SweptPlane{offset, planar_below, below, above, price};
+    };
+
+    std::uint32_t started = 0, ended = 0, planar_seen = 0; // starts below, ends not above, planar ones handled
+    while (ended < count) {
+        const float offset = started < count ? std::min(starts[started], ends[ended]) : ends[ended];
+        while (ended < count && ends[ended] <= offset)
+            ++ended;
+        std::uint32_t in_plane = 0;
+        while (planar_seen < planar.size() && planar[planar_seen] == offset) {
+            ++planar_seen;
+            ++in_plane;
+        }
+        if (profile.lower() < offset && offset < profile.upper()) {
+            const auto [area_below, area_above] = profile.at(offset);
+            const std::uint32_t below = started, above = count - ended;
+            consider(offset, false, below, above + in_plane, area_below, area_above);
+            if (in_plane > 0)
+                consider(offset, true, below + in_plane, above, area_below, area_above);
+        }
+        while (started < count && starts[started] <= offset)
+            ++started;
+    }
+    return best;
+}
+
+} // namespace bsp

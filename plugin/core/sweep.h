@@ -1,0 +1,17 @@
+/// The sweep: the cheapest plane of one direction by the surface area heuristic (MacDonald, Booth 1990), over the 2n
+/// end points of the clipped triangles (Havran 2000, section 4.2).
+#pragma once
+
+#include <optional>
+
+#include "cell.h"
+#include "references.h"
+#include "settings.h"
+
+namespace bsp {
+
+/// The plane of least `cost` that cuts the cell; ties go to the smaller offset. Nothing if no end point lies inside.
+std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cell, const Direction &direction,
+                                const CostModel &cost);
+
+} // namespace bsp

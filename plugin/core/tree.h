@@ -1,0 +1,33 @@
+/// The neutral result of building: a binary tree of planes over lists of triangles, before it is packed for traversal.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "direction.h"
+#include "triangles.h"
+
+namespace bsp {
+
+/// A plane with two children (the one below follows the node, the one above is at `above`), or a leaf.
+struct TreeNode {
+    enum class Kind : std::uint8_t { leaf, axis, oblique } kind = Kind::leaf;
+    Direction direction;
+    float offset = 0;
+    std::uint32_t above = 0;            ///< interior: index of the child above
+    std::uint32_t first = 0, count = 0; ///< leaf: its part of `Tree::references`
+};
+
+struct Tree {
+    std::vector<TreeNode> nodes;           ///< depth first; the root is nodes[0]
+    std::vector<std::uint32_t> references; ///< triangle ids of the leaves, ascending within a leaf
+    double sah_cost = 0;                   ///< expected price of a random ray that meets the root's cell
+    int depth = 0;                         ///< interior nodes on the longest path
+};
+
+/// The first law of trees that `tree` breaks, in one sentence, or an empty string: structure, ids, and every valid
+/// triangle in at least one leaf.
+std::string validate(const Tree &tree, const TriangleSet &set);
+
+} // namespace bsp

@@ -1,0 +1,36 @@
+/// The leaf format of every tree: blocks of eight triangles, their vertices copied next to one another.
+#pragma once
+
+#include <cstdint>
+
+#include "ray.h"
+#include "simd.h"
+#include "triangles.h"
+
+namespace bsp {
+
+struct alignas(32) TriangleBlock {
+    static constexpr unsigned width = Float8::width;
+
+    float vertices[3][3][width]; ///< [vertex][axis][lane]; unused lanes hold anything finite
+    std::uint32_t ids[width];    ///< `no_triangle` in unused lanes
+
+    void set(unsigned lane, const Triangle &t, std::uint32_t id) {
+        const Vec3f corners[3] = {t.a, t.b, t.c};
+        for (unsigned vertex = 0; vertex < 3; ++vertex)
+            for (unsigned axis = 0; axis < 3; ++axis)
+                vertices[vertex][axis][lane] = corners[vertex][axis];
+        ids[lane] = id;
+    }
+
+    Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }
+
+    Triangle triangle(unsigned lane) const {
+        const auto corner = [&](unsigned vertex) {
+            return Vec3f{vertices[vertex][0][lane], vertices[vertex][1][lane], vertices[vertex][2][lane]};
+        };
+        return {corner(0), corner(1), corner(2)};
+    }
+};
+
+} // namespace bsp

@@ -1,0 +1,42 @@
+/// The input of every accelerator: triangles with stable ids, the invalid ones set aside.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "vec.h"
+
+namespace bsp {
+
+struct Triangle {
+    Vec3f a, b, c;
+};
+
+/// An axis-aligned box in double precision; empty when `lower > upper`.
+struct Bounds {
+    Vec3d lower{HUGE_VAL, HUGE_VAL, HUGE_VAL};
+    Vec3d upper{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+
+    void extend(const Vec3d &p);
+    bool empty() const { return !(lower.x <= upper.x); }
+};
+
+/// Triangles numbered from 0 in the order they were added. A triangle with a vertex that is not finite, or without
+/// area, keeps its id but is not in `valid`, so that it is never built into a tree and never hit.
+struct TriangleSet {
+    std::vector<Triangle> triangles;
+    std::vector<std::uint32_t> valid; ///< ids of the usable triangles, ascending
+    Bounds bounds;                    ///< of the usable triangles
+
+    /// Appends `face_count` triangles. `vertices` holds 3 floats per vertex, `faces` 3 indices per triangle.
+    /// Throws std::out_of_range, naming triangle, index and vertex count, if an index has no vertex, and
+    /// std::length_error if there would be more than 2^31 triangles. Nothing is added if it throws.
+    void add(const float *vertices, std::size_t vertex_count, const std::uint32_t *faces, std::size_t face_count);
+
+    std::size_t dropped() const { return triangles.size() - valid.size(); }
+};
+
+/// The geometric normal, not normalised: its length is twice the area.
+Vec3d scaled_normal(const Triangle &triangle);
+
+} // namespace bsp

@@ -1,0 +1,60 @@
+/// Meshes and rays for the C++ tests.
+#pragma once
+
+#include <vector>
+
+#include "accelerator.h"
+#include "random.h"
+#include "triangles.h"
+
+namespace bsp {
+
+/// Triangles given one by one, each with its own vertices.
+inline TriangleSet make_set(const std::vector<Triangle> &triangles) {
+    std::vector<float> vertices;
+    std::vector<std::uint32_t> faces;
+    for (const Triangle &t : triangles)
+        for (const Vec3f &v : {t.a, t.b, t.c}) {
+            faces.push_back(std::uint32_t(faces.size()));
+            vertices.insert(vertices.end(), {v.x, v.y, v.z});
+        }
+    TriangleSet set;
+    set.add(vertices.data(), vertices.size() / 3, faces.data(), triangles.size());
+    return set;
+}
+
+inline Vec3f random_point(Random &random, float size = 1) {
+    const auto coordinate = [&] { return float((2 * random.uniform() - 1) * size); };
+    const float x = coordinate(), y = coordinate(), z = coordinate();
+    return {x, y, z};
+}
+
+/// Small random triangles in the cube [-1, 1]^3.
+inline TriangleSet random_soup(std::size_t count, std::uint64_t seed) {
+    Random random(seed);
+    std::vector<Triangle> triangles;
+    for (std::size_t i = 0; i < count; ++i) {
+        const Vec3f at = random_point(random);
+        triangles.push_back(
+            {at + random_point(random, 0.2f), at + random_point(random, 0.2f), at + random_point(random, 0.2f)});
+    }
+    return make_set(triangles);
+}
+
+/// From around the cube, half of them at vertices of the set.
+inline std::vector<Ray> aimed_rays(const TriangleSet &set, std::size_t count, std::uint64_t seed) {
+    Random random(seed);
+    std::vector<Ray> rays;
+    for (std::size_t i = 0; i < count; ++i) {
+        const Vec3f o = random_point(random, 2);
+        const Triangle &t = set.triangles[random.below(std::uint32_t(set.triangles.size()))];
+        rays.push_back({o, (random.uniform() < 0.5 ? t.a : random_point(random)) - o});
+    }
+    return rays;
+}
+
+inline bool same_bits(const Hit &x, const Hit &y) {
+    return x.t == y.t && x.u == y.u && x.v == y.v && x.triangle == y.triangle;
+}
+
+} // namespace bsp

@@ -1,0 +1,66 @@
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "settings.h"
+
+using namespace bsp;
+
+namespace {
+
+std::string message_of(const std::string &tree, const Options &options) {
+    try {
+        make_settings(tree, options);
+    } catch (const std::invalid_argument &error) {
+        return error.what();
+    }
+    return "";
+}
+
+TEST(Settings, DefaultsAndOptions) {
+    const Settings s = make_settings("normals", {{"k", "8"}, {"axes", "plain"}, {"seed", "7"}, {"alpha", "0.25"}});
+    EXPECT_EQ(s.tree, TreeKind::normals);
+    EXPECT_EQ(s.k, 8);
+    EXPECT_EQ(s.axes, AxesPolicy::plain);
+    EXPECT_EQ(s.seed, 7u);
+    EXPECT_EQ(s.cost.alpha, 0.25);
+    EXPECT_EQ(make_settings("kd", {}).k, 3);
+}
+
+TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
+    EXPECT_EQ(message_of("bvh", {}), "there is no tree 'bvh': the trees are kd, random, normals, clustered, brute");
+    EXPECT_EQ(message_of("normals", {{"axes", "slow"}}), "axes=slow is not valid: axes is one of none, plain, fast");
+    for (const char *k : {"0", "1000", "33", "-1", "2.5", "six", "", "6x", "nan", "1e400"})
+        EXPECT_EQ(message_of("random", {{"k", k}}),
+                  std::string("k=") + k + " is not valid: k is an integer from 1 to 32");
+    EXPECT_NE(
+        message_of("kd", {{"colour", "red"}}).find("kd has no setting 'colour': its settings are triangle_test, "),
+        std::string::npos);
+    EXPECT_NE(message_of("kd", {{"k", "6"}}).find("kd has no setting 'k'"), std::string::npos);
+    EXPECT_EQ(message_of("brute", {{"seed", "1"}}), "brute has no setting 'seed': its settings are triangle_test");
+    EXPECT_EQ(message_of("normals", {{"intersection_cost", "0"}}),
+              "intersection_cost=0 is not valid: intersection_cost is a number above 0");
+}
+
+TEST(Settings, AxesCountAmongTheDirections) {
+    EXPECT_NE(message_of("normals", {{"k", "2"}}).find("k=2 is not valid with axes=fast"), std::string::npos);
+    EXPECT_NE(message_of("normals", {{"k", "2"}, {"axes", "plain"}}), "");
+    EXPECT_EQ(message_of("normals", {{"axes", "none"}, {"k", "1"}}), "");
+}
+
+TEST(Settings, FullSpecSaysEverythingAndIsASpec) {
+    const Settings s = make_settings("clustered", {{"k", "5"}, {"alpha", "0.05"}});
+    const std::string text = full_spec(s);
+    EXPECT_EQ(text.substr(0, 25), "clustered:k=5,axes=fast,s");
+    Options options;
+    for (const auto &[name, value] : list_settings(s))
+        options.emplace_back(name, std::holds_alternative<std::string>(value)
+                                       ? std::get<std::string>(value)
+                                       : (std::holds_alternative<double>(value)
+                                              ? std::to_string(std::get<double>(value))
+                                              : std::to_string(std::get<std::int64_t>(value))));
+    EXPECT_EQ(full_spec(make_settings("clustered", options)), text);
+    EXPECT_EQ(settings_help("clustered").size(), list_settings(s).size());
+}
+
+} // namespace
