@@ -1,0 +1,137 @@
+/// The shape `bsptree`: meshes under one of this project's trees.
+/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `expand` (see bspmember.cpp).
+#include "accelerator.h"
+#include "member.h"
+#include "ray_counters.h"
+#include "triangle_test.h"
+#include "variants.h"
+
+NAMESPACE_BEGIN(mitsuba)
+
+template <typename Float, typename Spectrum> class BSPTree final : public Group<Float, Spectrum> {
+public:
+    MI_IMPORT_BASE(Group, m_children, child_name, rebuild)
+    MI_IMPORT_TYPES()
+    using typename Base::Hit;
+
+    explicit BSPTree(const Properties &props)
+        : Base(props), m_settings(read_settings(props)), m_count(read_flag(props, "count", false)) {
+        rebuild();
+    }
+
+    Hit closest(const Ray3f &ray) const override {
+        if (!m_count)
+            return locate(m_tree->closest(to_ray(ray)));
+        bsp::Counters counters;
+        const bsp::Hit hit = m_tree->count_closest(to_ray(ray), counters);
+        m_counters.closest += counters;
+        return locate(hit);
+    }
+
+    bool any(const Ray3f &ray) const override {
+        if (!m_count)
+            return m_tree->any(to_ray(ray));
+        bsp::Counters counters;
+        const bool found = m_tree->count_any(to_ray(ray), counters);
+        m_counters.any += counters;
+        return found;
+    }
+
+    ScalarPoint2f barycentrics(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
+        bsp::Vec3f corners[3];
+        this->get_corners(child, triangle, corners);
+        const bsp::Triangle t{corners[0], corners[1], corners[2]};
+        const auto hit = m_settings.triangle_test == bsp::TriangleTest::woop ? bsp::WoopTest(to_ray(ray)).intersect(t)
+                                                                             : bsp::MtTest(to_ray(ray)).intersect(t);
+        return hit ? ScalarPoint2f(hit->u, hit->v) : nearest_weights(corners, ray);
+    }
+
+    std::string statistics() const override {
+        const bsp::Statistics &s = m_tree->statistics();
+        std::ostringstream oss;
+        oss << "{\"spec\": \"" << s.spec << "\", \"triangles\": " << s.triangles
+            << ", \"dropped_triangles\": " << s.dropped_triangles << ", \"nodes\": " << s.nodes
+            << ", \"interior_nodes\": " << s.interior_nodes << ", \"axis_nodes\": " << s.axis_nodes
+            << ", \"oblique_nodes\": " << s.oblique_nodes << ", \"leaves\": " << s.leaves
+            << ", \"empty_leaves\": " << s.empty_leaves << ", \"references\": " << s.references
+            << ", \"max_depth\": " << s.max_depth << ", \"bytes\": " << s.bytes << ", \"build_s\": " << s.build_s
+            << ", \"sah_cost\": ";
+        if (std::isfinite(s.sah_cost))
+            oss << s.sah_cost;
+        else
+            oss << "null"; // JSON has no other word for it
+        if (m_count)
+            oss << ", \"counters\": " << m_counters;
+        oss << "}";
+        return oss.str();
+    }
+
+    MI_DECLARE_CLASS(BSPTree)
+
+protected:
+    void build() override {
+        bsp::TriangleSet set;
+        std::vector<uint32_t> starts;
+        for (size_t i = 0; i < m_children.size(); ++i) {
+            ShapeIR ir;
+            m_children[i]->describe(ir);
+            starts.push_back(uint32_t(set.triangles.size()));
+            try {
+                set.add(static_cast<const float *>(ir.vertex_ptr), ir.vertex_count,
+                        static_cast<const uint32_t *>(ir.index_ptr), ir.face_count);
+            } catch (const std::exception &e) {
+                Throw("child %s: %s", child_name(i), e.what());
+            }
+        }
+        m_tree = bsp::make_accelerator(set, m_settings);
+        m_starts = std::move(starts);
+
+        const bsp::Statistics &s = m_tree->statistics();
+        if (s.dropped_triangles > 0)
+            Log(Warn, "%d of %d triangles have no area or a vertex that is not finite: they are left out",
+                s.dropped_triangles, set.triangles.size());
+        Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %.3f s", s.spec, s.triangles, s.nodes,
+            s.references, s.build_s);
+    }
+
+    void clear() override { m_tree = bsp::make_accelerator({}, m_settings); }
+
+    std::string spec() const override { return bsp::full_spec(m_settings); }
+
+private:
+    static bsp::Settings read_settings(const Properties &props) {
+        const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
+        std::vector<std::string> names{"tree", "count", "expand"};
+        bsp::Options options;
+        for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {
+            names.push_back(setting.name);
+            if (props.has_property(setting.name))
+                options.emplace_back(setting.name, read_text(props, setting.name));
+        }
+        check_names(props, "a bsptree with tree=" + tree, names);
+        return bsp::make_settings(tree, options);
+    }
+
+    static bsp::Ray to_ray(const Ray3f &ray) {
+        return {{ray.o.x(), ray.o.y(), ray.o.z()}, {ray.d.x(), ray.d.y(), ray.d.z()}, ray.maxt};
+    }
+
+    /// Which child's triangle was hit.
+    Hit locate(const bsp::Hit &hit) const {
+        if (!hit.found())
+            return {};
+        const auto next = std::upper_bound(m_starts.begin(), m_starts.end(), hit.triangle);
+        const uint32_t child = uint32_t(next - m_starts.begin()) - 1;
+        return {hit.t, child, hit.triangle - m_starts[child], true};
+    }
+
+    bsp::Settings m_settings;
+    bool m_count;
+    std::vector<uint32_t> m_starts; ///< first triangle of each child
+    std::unique_ptr<bsp::Accelerator> m_tree;
+    mutable RayCounters m_counters;
+};
+
+BSP_EXPORT_PLUGIN(BSPTree)
+
+NAMESPACE_END(mitsuba)

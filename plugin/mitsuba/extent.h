@@ -1,0 +1,64 @@
+/// The room that triangles take, and what Embree is told about it.
+#pragma once
+
+#include <mitsuba/core/bbox.h>
+#include <mitsuba/core/logger.h>
+#include <mitsuba/render/scene_ir.h>
+
+#include <algorithm>
+#include <string>
+
+NAMESPACE_BEGIN(mitsuba)
+
+using Box3f = BoundingBox<Point<float, 3>>;
+
+/// The triangles of a mesh. The box is that of those whose vertices are finite, and never the mesh's own: after Mitsuba
+/// has merged rectangles that is too small.
+struct Extent {
+    Box3f box;
+    size_t others = 0; ///< triangles with a vertex that is not finite
+};
+
+/// Throws if a triangle refers to a vertex that does not exist; `name` is how the message calls the mesh.
+inline Extent measure_triangles(const ShapeIR &ir, const std::string &name) {
+    const float *vertices = static_cast<const float *>(ir.vertex_ptr);
+    const uint32_t *faces = static_cast<const uint32_t *>(ir.index_ptr);
+    Extent extent;
+    for (size_t i = 0; i < ir.face_count; ++i) {
+        Box3f triangle;
+        bool finite = true;
+        for (size_t k = 0; k < 3; ++k) {
+            const uint32_t vertex = faces[3 * i + k];
+            if (vertex >= ir.vertex_count)
+                Throw("%s: triangle %d refers to vertex %d, but the mesh has %d vertices", name, i, vertex,
+                      ir.vertex_count);
+            const auto p = dr::load<Point<float, 3>>(vertices + 3 * size_t(vertex));
+            finite &= bool(dr::all(dr::isfinite(p)));
+            triangle.expand(p);
+        }
+        if (finite)
+            extent.box.expand(triangle);
+        extent.others += !finite;
+    }
+    return extent;
+}
+
+/// The box of a part of a group, with a margin that makes Embree lose no ray. `all` is the box of the whole group.
+///
+/// Where a ray enters and leaves a box Embree computes from products like (plane - origin) / direction, rounded to a
+/// few units of 2^-24 of the coordinates of plane and origin: as if the plane were moved by as much, so that a margin
+/// of that size loses no ray. Within 1000 sizes of the group (ten of a scene that is a hundred times larger)
+/// coordinates are below `reach`; the box grows by a thousandth, which costs nothing.
+inline Box3f padded(Box3f box, const Box3f &all) {
+    if (!box.valid())
+        return box;
+    const float largest = std::max(dr::max(dr::abs(all.min)), dr::max(dr::abs(all.max)));
+    const float reach = largest + 1000 * dr::max(all.extents());
+    const float margin = 16 * 0x1p-24f * reach;
+    const float limit = 1.8e18f; // Embree drops a shape that reaches beyond 1.844e18 without a word
+    box.min = dr::clip(box.min - margin, -limit, limit);
+    box.max = dr::clip(box.max + margin, -limit, limit);
+    return box;
+}
+
+NAMESPACE_END(mitsuba)
