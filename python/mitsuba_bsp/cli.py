@@ -1,0 +1,250 @@
+"""The command `mitsuba-bsp`: the only part of the package that prints and exits."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from . import plugin_dir, scenes_dir, specs
+from .compare import compare
+from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
+from .jobs import Job, JobError, run_job
+from .loading import VARIANTS, notes
+from .machine import available_threads, describe
+from .messages import one_sentence
+from .records import ResultsFolder
+from .report_table import make_tables, markdown, print_tables
+from .spec import parse_spec, value_text
+
+OK, JOB_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
+
+#: Tables that go to a file or a pipe are not squeezed into 80 columns.
+_WIDTH = None if sys.stdout.isatty() else 120
+
+out, err = Console(highlight=False, width=_WIDTH), Console(stderr=True, highlight=False)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with its status."""
+    args = _parser().parse_args(arguments)
+    try:
+        status = args.run(args)
+    except (ValueError, OSError) as error:
+        _say("error", one_sentence(error), "red")
+        status = BAD_INPUT
+    except KeyboardInterrupt:
+        _say("interrupted", "no image was written", "red")
+        status = INTERRUPTED
+    sys.exit(status)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="mitsuba-bsp", description=__doc__.partition(":")[0])
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    sub = commands.add_parser("compare", help="render scenes under several accelerators and compare images and times")
+    sub.add_argument("scenes", nargs="*", type=Path, metavar="SCENE.xml", help="default: the built-in scenes")
+    sub.add_argument(
+        "--specs", nargs="+", default=DEFAULT_SPECS, metavar="SPEC", help=f"default: {' '.join(DEFAULT_SPECS)}"
+    )
+    sub.add_argument(
+        "--repeats", type=_positive, default=MIN_REPEATS, metavar="N", help="timed runs of each, 3 or more"
+    )
+    sub.add_argument("--out", type=Path, metavar="DIR", help="results folder; if it has results, go on from there")
+    _add_render_options(sub)
+    sub.set_defaults(run=_compare)
+
+    sub = commands.add_parser("render", help="render one scene under one accelerator")
+    sub.add_argument("scene", type=Path, metavar="SCENE.xml")
+    sub.add_argument("--spec", default="kd", metavar="SPEC", help="default: %(default)s")
+    sub.add_argument("-o", "--output", type=Path, required=True, metavar="IMAGE", help="an .exr or .png file")
+    sub.add_argument("--seed", type=_seed, default=0, metavar="N", help="default: %(default)s")
+    _add_render_options(sub)
+    sub.set_defaults(run=_render)
+
+    sub = commands.add_parser("specs", help="list the accelerators and their settings")
+    sub.set_defaults(run=_list_specs)
+    sub = commands.add_parser("plugin-dir", help="print the folder for the stock command: mitsuba -a DIR scene.xml")
+    sub.set_defaults(run=_print_plugin_dir)
+    return parser
+
+
+def _add_render_options(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel, default: the scene's")
+    sub.add_argument("--resolution", type=_positive, metavar="N", help="longer side in pixels, default: the scene's")
+    sub.add_argument("--variant", choices=VARIANTS, default=VARIANTS[0], help="default: %(default)s")
+    sub.add_argument("--threads", type=_positive, default=available_threads(), metavar="N", help="default: all")
+    sub.add_argument(
+        "-D",
+        dest="params",
+        action="append",
+        type=_parameter,
+        default=[],
+        metavar="KEY=VALUE",
+        help="set a parameter of the scene",
+    )
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive integer")
+    return int(text)
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal() or int(text) >= 2**32:
+        raise argparse.ArgumentTypeError(f"{text} is not an integer from 0 to 2^32 - 1")
+    return int(text)
+
+
+def _parameter(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not (key and equals):
+        raise argparse.ArgumentTypeError(f'"{text}" is not of the form key=value')
+    return key, value
+
+
+def _compare(args: argparse.Namespace) -> int:
+    """`mitsuba-bsp compare`."""
+    if args.repeats < MIN_REPEATS:
+        raise ValueError(f"--repeats is {args.repeats}, but a median needs at least {MIN_REPEATS}")
+    scenes = args.scenes or sorted(scenes_dir().glob("*.xml"))
+    if not scenes:
+        raise ValueError(f"there are no built-in scenes in {scenes_dir()}: install the package again, or name a scene")
+    options = Options(
+        scenes=tuple(path.absolute() for path in scenes),
+        specs=tuple(parse_spec(text) for text in dict.fromkeys(args.specs)),
+        out=args.out or Path("results", f"compare-{datetime.now():%Y%m%d-%H%M%S}"),
+        variant=args.variant,
+        threads=args.threads,
+        params=dict(args.params),
+        spp=args.spp,
+        resolution=args.resolution,
+        repeats=args.repeats,
+    )
+    with _ProgressBar() as bar:
+        try:
+            scenes, failures, interrupted = *compare(options, bar), False
+        except KeyboardInterrupt:
+            scenes, failures, interrupted = bar.scenes, bar.failures, True
+    if scenes:
+        _report(options, scenes, failures)
+    if interrupted:
+        _say(
+            "interrupted", f"what was finished is kept in {options.out}, --out {options.out} goes on from there", "red"
+        )
+        return INTERRUPTED
+    return JOB_FAILED if failures else OK
+
+
+def _report(options: Options, scenes: Sequence[SceneInfo], failures: Sequence[Failure]) -> None:
+    """Show and write the tables of everything recorded so far."""
+    folder = ResultsFolder(options.out)
+    tables = make_tables(scenes, options.specs, folder, failures)
+    (options.out / "table.md").write_text(markdown(tables, describe()), encoding="utf-8")
+    print_tables(out, tables)
+    out.print(f"Results are in {options.out}", soft_wrap=True, markup=False)
+
+
+class _ProgressBar:
+    """Shows a comparison on the terminal: a bar, the current job, and notes above it."""
+
+    def __init__(self) -> None:
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+        self._progress = Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=err)
+        self._task = self._progress.add_task("checking the scenes", total=None)
+        self.scenes: list[SceneInfo] = []
+        self.failures: list[Failure] = []
+
+    def __enter__(self) -> _ProgressBar:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def note(self, text: str) -> None:
+        self._progress.console.print(f"note: {text}", markup=False, soft_wrap=True)
+
+    def start(self, scenes: Sequence[SceneInfo], jobs: int, done: int) -> None:
+        self.scenes = list(scenes)
+        if done:
+            self.note(f"{done} of {jobs} jobs were finished by an earlier run into this folder and are kept")
+        self._progress.update(self._task, total=jobs, completed=done)
+
+    def begin(self, job: str) -> None:
+        self._progress.update(self._task, description=job)
+
+    def finish(self) -> None:
+        self._progress.advance(self._task)
+
+    def fail(self, failure: Failure) -> None:
+        self.failures.append(failure)
+        self.note(f"{failure.scene}, {failure.spec} failed: {failure.message}")
+
+
+def _render(args: argparse.Namespace) -> int:
+    """`mitsuba-bsp render`."""
+    spec = parse_spec(args.spec)
+    if args.output.suffix not in (".exr", ".png"):
+        raise ValueError(f"{args.output} ends neither in .exr nor in .png")
+    if not args.scene.is_file():
+        raise ValueError(f"there is no scene file {args.scene}")
+    header = {f"version_{key}": value for key, value in describe().items()}
+    job = Job(
+        kind="render",
+        scene=str(args.scene.absolute()),
+        variant=args.variant,
+        spec=spec.text,
+        params=dict(args.params),
+        spp=args.spp,
+        resolution=args.resolution,
+        seed=args.seed,
+        threads=args.threads,
+        image=str(args.output.absolute()),
+        header={"scene": args.scene.stem, "spec": spec.text, "spec_full": spec.full, **header},
+    )
+    with err.status(f"rendering {args.scene} with {spec.text}"):
+        try:
+            result = run_job(job)
+        except JobError as error:
+            raise ValueError(str(error)) from None
+    said = notes(result.values["others"], result.values["meshes"]) if spec.plugin else []
+    for note in [*said, *result.warnings]:
+        _say("note", note, "yellow")
+    out.print(
+        f"{args.output}: built in {result.values['build_s']:.3f} s, rendered in {result.values['render_s']:.3f} s",
+        markup=False,
+        soft_wrap=True,
+    )
+    return OK
+
+
+def _list_specs(_: argparse.Namespace) -> int:
+    """`mitsuba-bsp specs`."""
+    out.print("A spec is NAME or NAME:key=value,key=value,... with these names and keys:")
+    for name, settings in specs().items():
+        table = Table("key", "default", "valid values", "meaning", title=name, title_justify="left", expand=True)
+        for setting in settings:
+            table.add_row(setting.name, value_text(setting.default), setting.values, setting.meaning)
+        out.print(table if settings else f"{name}: no settings")
+    return OK
+
+
+def _print_plugin_dir(_: argparse.Namespace) -> int:
+    """`mitsuba-bsp plugin-dir`."""
+    print(plugin_dir())
+    return OK
+
+
+def _say(kind: str, text: str, style: str) -> None:
+    err.print(f"mitsuba-bsp: {kind}: {text}", style=style, markup=False, soft_wrap=True)

@@ -1,0 +1,179 @@
+"""The comparison: every scene under every accelerator, images, counters and times, into one resumable folder.
+
+Order of work: check everything that can be checked; render each scene under each spec once, untimed, with counters
+and the box filter (these are the images that are compared); then the timed runs, in rounds that hold every scene and
+spec once, each round in a shuffled order, so that a machine that slows down touches all of them alike.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
+from .differences import Differences
+from .jobs import Job, JobError, JobResult, Kind, run_job
+from .machine import describe
+from .preflight import preflight
+from .records import Record, ResultsFolder, append
+from .spec import Spec
+from .tree_statistics import per_ray
+
+#: The seed of the order of the timed runs.
+SHUFFLE_SEED = 20_240_607
+
+
+@dataclass
+class _Run:
+    """One comparison on its way."""
+
+    options: Options
+    listener: Listener
+    folder: ResultsFolder
+    failures: list[Failure]
+    said: set[str]
+
+    def note(self, text: str) -> None:
+        """Tell the user something, once."""
+        if text not in self.said:
+            self.said.add(text)
+            self.listener.note(text)
+
+    def attempt(self, scene: SceneInfo, spec: Spec, kind: Kind, label: str) -> JobResult | None:
+        """Run one job; a failure is recorded and the comparison goes on."""
+        self.listener.begin(label)
+        try:
+            result = run_job(self.job(scene, spec, kind))
+        except JobError as error:
+            failure = Failure(scene.name, spec.text, str(error))
+            self.failures.append(failure)
+            append(self.folder.failures_file, asdict(failure))
+            self.listener.fail(failure)
+            return None
+        finally:
+            self.listener.finish()
+        return result
+
+    def job(self, scene: SceneInfo, spec: Spec, kind: Kind) -> Job:
+        header = {
+            "scene": scene.name,
+            "scene_hash": scene.scene_hash,
+            "spec": spec.text,
+            "spec_full": spec.full,
+            **{f"version_{key}": value for key, value in describe().items()},
+        }
+        image = str(self.folder.image(scene.name, spec.text)) if kind == "count" else ""
+        return Job(
+            kind=kind,
+            scene=str(scene.path),
+            variant=self.options.variant,
+            spec=spec.text,
+            params=self.options.params,
+            spp=self.options.spp,
+            resolution=self.options.resolution,
+            seed=SEED,
+            threads=self.options.threads,
+            image=image,
+            header=header if image else {},
+        )
+
+
+def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+    """Run the comparison; returns its scenes and the jobs that failed.
+
+    ValueError for anything wrong with the input, raised before the first job. Everything finished is on disk at all
+    times, also if KeyboardInterrupt ends the run; another run with the same folder goes on from there.
+    """
+    folder = ResultsFolder(options.out)
+    run = _Run(options, listener, folder, [], set())
+    scenes = preflight(options, folder, run.note)
+    folder.prepare()
+    todo_count, todo_time = _to_count(run, scenes), _to_time(run, scenes)
+    total = len(scenes) * len(options.specs) * (options.repeats + 1)
+    listener.start(scenes, total, total - len(todo_count) - len(todo_time))
+    for scene, spec in todo_count:
+        _count(run, scene, spec)
+    differences = Differences(folder, options.specs)
+    for scene, spec, repeat in todo_time:
+        _time(run, scene, spec, repeat, differences)
+    return scenes, run.failures
+
+
+def _to_count(run: _Run, scenes: Sequence[SceneInfo]) -> list[tuple[SceneInfo, Spec]]:
+    """The untimed runs that are still missing."""
+    done = run.folder.counted()
+    return [(scene, spec) for scene in scenes for spec in run.options.specs if (scene.name, spec.text) not in done]
+
+
+def _to_time(run: _Run, scenes: Sequence[SceneInfo]) -> list[tuple[SceneInfo, Spec, int]]:
+    """The timed runs that are still missing, round by round, each round shuffled."""
+    done = {(row["scene"], row["spec"], row["repeat"]) for row in run.folder.records()}
+    shuffled: list[tuple[SceneInfo, Spec, int]] = []
+    generator = random.Random(SHUFFLE_SEED)
+    for repeat in range(run.options.repeats):
+        turn = [(scene, spec, repeat) for scene in scenes for spec in run.options.specs]
+        generator.shuffle(turn)
+        shuffled += [job for job in turn if (job[0].name, job[1].text, repeat) not in done]
+    return shuffled
+
+
+def _count(run: _Run, scene: SceneInfo, spec: Spec) -> None:
+    """The untimed run with counters and image."""
+    result = run.attempt(scene, spec, "count", f"{scene.name}: {spec.text}, counters and image")
+    if result is None:
+        return
+    for warning in result.warnings:
+        run.note(f"{scene.name}: {warning}")
+    image = run.folder.image(scene.name, spec.text).relative_to(run.folder.path)
+    row = {
+        **context(run.options, scene),
+        "spec": spec.text,
+        "spec_full": spec.full,
+        **result.values,
+        "image": str(image),
+    }
+    append(run.folder.counters_file, row)
+
+
+def _time(run: _Run, scene: SceneInfo, spec: Spec, repeat: int, differences: Differences) -> None:
+    """One timed run; skipped if the untimed run of this scene and spec failed."""
+    counted = run.folder.counted().get((scene.name, spec.text))
+    if counted is None:
+        run.listener.finish()
+        return
+    label = f"{scene.name}: {spec.text}, timed run {repeat + 1} of {run.options.repeats}"
+    result = run.attempt(scene, spec, "time", label)
+    if result is None:
+        return
+    append(run.folder.records_file, _record(run, scene, spec, repeat, result.values, counted, differences))
+
+
+def _record(
+    run: _Run,
+    scene: SceneInfo,
+    spec: Spec,
+    repeat: int,
+    timed: Mapping[str, Any],
+    counted: Record,
+    differences: Differences,
+) -> Record:
+    """One line of `records.jsonl`."""
+    statistics, counters = dict(timed["statistics"]), counted["statistics"].get("counters", {})
+    same_setup = scene.comparable and scene.box_filter
+    return {
+        **context(run.options, scene),
+        "spec": spec.text,
+        "spec_full": spec.full,
+        "repeat": repeat,
+        "build_s": timed["build_s"],
+        "render_s": timed["render_s"],
+        "peak_rss_bytes": timed["peak_rss_bytes"],
+        "statistics": statistics,
+        "counters": counters,
+        **per_ray(statistics, counters),
+        "image": counted["image"],
+        "image_difference": differences.of(scene.name, spec) if scene.comparable else {},
+        "image_repeats": timed["pixels_sha256"] == counted["pixels_sha256"] if same_setup else None,
+    }

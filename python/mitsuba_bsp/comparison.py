@@ -1,0 +1,100 @@
+"""What a comparison is given, what it learns about its scenes, and whom it tells how it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from .machine import describe
+from .records import Record
+from .spec import Spec
+
+MIN_REPEATS = 3
+
+#: The seed of every render, so that all accelerators trace the same paths.
+SEED = 0
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to compare. `spp` and `resolution` (longer side, pixels) of None are the scene's own."""
+
+    scenes: tuple[Path, ...]
+    specs: tuple[Spec, ...]
+    out: Path
+    variant: str
+    threads: int
+    params: Mapping[str, str]
+    spp: int | None = None
+    resolution: int | None = None
+    repeats: int = MIN_REPEATS
+
+
+@dataclass(frozen=True)
+class SceneInfo:
+    """A scene that was loaded and looked at before the comparison.
+
+    `others` are class names and counts of the shapes that stay outside the accelerator; `resolution` is width, height.
+    `box_filter`: it uses that pixel filter itself. `fixed_blocks`: its integrator can be told its block size.
+    """
+
+    name: str
+    path: Path
+    scene_hash: str
+    triangles: int
+    meshes: int
+    others: Mapping[str, int]
+    spp: int
+    resolution: Sequence[int]
+    box_filter: bool
+    fixed_blocks: bool
+
+    @property
+    def comparable(self) -> bool:
+        """Whether its images are the same from run to run, so that pixels can be compared bit for bit."""
+        return self.fixed_blocks
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A job that failed, with the reason in one sentence."""
+
+    scene: str
+    spec: str
+    message: str
+
+
+class Listener(Protocol):
+    """Who is told how the comparison goes."""
+
+    def note(self, text: str) -> None:
+        """Something the user should know, in one sentence."""
+
+    def start(self, scenes: Sequence[SceneInfo], jobs: int, done: int) -> None:
+        """All is checked; `done` of `jobs` jobs were finished by an earlier run."""
+
+    def begin(self, job: str) -> None:
+        """A job begins."""
+
+    def finish(self) -> None:
+        """The job is over."""
+
+    def fail(self, failure: Failure) -> None:
+        """The job failed."""
+
+
+def context(options: Options, scene: SceneInfo) -> Record:
+    """What every record of a scene says about how it was made."""
+    return {
+        "scene": scene.name,
+        "scene_hash": scene.scene_hash,
+        "variant": options.variant,
+        "params": dict(options.params),
+        "spp": scene.spp,
+        "resolution": list(scene.resolution),
+        "seed": SEED,
+        "threads": options.threads,
+        **describe(),
+    }

@@ -1,0 +1,38 @@
+"""OpenEXR files of rendered images: lossless 32-bit floats, with what made them in the header."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+_COLOURS = {1: ("Y",), 2: ("Y", "A"), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
+
+
+def write_exr(path: Path, pixels: np.ndarray, extra: Sequence[str], header: Mapping[str, str]) -> None:
+    """Write `pixels` (height, width, channels) as float32; the last channels are called `extra`.
+
+    `header` becomes string attributes of the file. The file appears whole or not at all.
+    """
+    colours = pixels.shape[2] - len(extra)
+    names = [*_COLOURS.get(colours, [f"C{index}" for index in range(colours)]), *extra]
+    planes = {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
+    attributes = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
+    unfinished = path.with_name(f".{path.name}")
+    with OpenEXR.File(attributes, planes) as file:
+        file.write(str(unfinished))
+    unfinished.replace(path)
+
+
+def read_exr(path: Path) -> dict[str, np.ndarray]:
+    """Every channel of a file by name, each (height, width) float32."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return {name: np.array(channel.pixels, np.float32) for name, channel in file.channels().items()}
+
+
+def read_header(path: Path) -> dict[str, str]:
+    """The string attributes of a file."""
+    with OpenEXR.File(str(path)) as file:
+        return {key: value for key, value in file.header().items() if isinstance(value, str)}

@@ -1,0 +1,115 @@
+"""Run one job in a fresh Python process, so that nothing (not even a crash) passes from one job to the next."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from .messages import one_sentence
+
+Kind = Literal["inspect", "count", "time", "render", "blame"]
+
+
+class JobError(RuntimeError):
+    """A job failed; the text is one sentence."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker process is to do with one scene.
+
+    `inspect` loads it and describes it; `count` renders it with ray counters and the box filter; `time` measures
+    building and rendering; `render` makes an image as the scene says; `blame` reads its mesh files one by one.
+    `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
+    """
+
+    kind: Kind
+    scene: str
+    variant: str
+    spec: str = "embree"
+    params: Mapping[str, str] = field(default_factory=dict)
+    spp: int | None = None
+    resolution: int | None = None
+    seed: int = 0
+    threads: int = 1
+    image: str = ""
+    header: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """What the worker measured, and the warnings that Mitsuba and its plugins logged meanwhile."""
+
+    values: Mapping[str, Any]
+    warnings: tuple[str, ...]
+
+
+def run_job(job: Job) -> JobResult:
+    """Run `job` in a child process and return what it found; JobError if it failed or died."""
+    with tempfile.TemporaryDirectory(prefix="mitsuba_bsp-") as folder:
+        answer = Path(folder, "answer.json")
+        status, output = _run_worker(job, answer)
+        found = json.loads(answer.read_text()) if answer.exists() else {"stage": "starting"}
+    if "error" in found:
+        raise JobError(found["error"])
+    if status != 0 or "values" not in found:
+        raise JobError(_death(job, status, found["stage"], output))
+    return JobResult(found["values"], tuple(dict.fromkeys(_WARNING.findall(output))))
+
+
+#: A warning as the worker's log formatter writes it, with or without terminal colours.
+_WARNING = re.compile(r"^(?:\x1b\[\d+m)*WARN\s+(.*?)(?:\x1b\[0m)?$", re.MULTILINE)
+
+
+def _run_worker(job: Job, answer: Path) -> tuple[int, str]:
+    """Exit status (negative: the signal that killed it) and output of a worker process."""
+    command = [sys.executable, "-P", "-m", "mitsuba_bsp.worker", str(answer)]
+    # A session of its own: Ctrl-C reaches this process only, which then ends the worker.
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    )
+    try:
+        output, _ = process.communicate(json.dumps(asdict(job)))
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+    return process.returncode, output
+
+
+def _death(job: Job, status: int, stage: str, output: str) -> str:
+    """One sentence on a worker that ended without an answer."""
+    if status >= 0:
+        last = output.strip().splitlines()[-1:] or ["no output"]
+        return f"the worker ended with status {status} while {stage}: {one_sentence(last[0])}"
+    name = signal.Signals(-status).name
+    if name == "SIGKILL":
+        return f"the worker was killed while {stage}, probably because memory ran out"
+    if stage.startswith("loading") and job.kind != "blame":
+        mesh = _blamed_mesh(job)
+        if mesh:
+            return f"Mitsuba's own loader died ({name}) reading the mesh file {mesh}, which {job.scene} uses"
+    return f"Mitsuba died ({name}) while {stage}"
+
+
+def _blamed_mesh(job: Job) -> str | None:
+    """The mesh file on which Mitsuba's loader dies, found by reading them one by one in another process."""
+    with tempfile.TemporaryDirectory(prefix="mitsuba_bsp-") as folder:
+        answer = Path(folder, "answer.json")
+        status, _ = _run_worker(replace(job, kind="blame"), answer)
+        found = json.loads(answer.read_text()) if answer.exists() else {}
+    return found.get("stage", "").removeprefix("reading ") if status < 0 else None

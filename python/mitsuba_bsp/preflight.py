@@ -1,0 +1,75 @@
+"""Everything that can be checked before a comparison starts, so that no typo surfaces after ten minutes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from .comparison import SEED, Options, SceneInfo, context
+from .jobs import Job, JobError, run_job
+from .loading import notes
+from .messages import choices
+from .records import ResultsFolder, check_context
+from .spec import BRUTE_MAX_TRIANGLES, Spec
+
+
+def preflight(options: Options, folder: ResultsFolder, note: Callable[[str], None]) -> list[SceneInfo]:
+    """Load every scene in a child process and check it against the options and what the folder already holds.
+
+    `note` is told what the user should know. ValueError, in one sentence, for anything wrong.
+    """
+    named = list(_named(options.scenes))
+    folder.check_writable()
+    scenes = [_inspect(options, name, path, note) for name, path in named]
+    spec_full = {spec.text: spec.full for spec in options.specs}
+    for scene in scenes:
+        _check_brute(options.specs, scene)
+        earlier = [*folder.records(), *folder.counted().values()]
+        check_context(earlier, scene.name, spec_full, context(options, scene))
+    return scenes
+
+
+def _named(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
+    """Each scene with its name; ValueError if a file is missing or two scenes have the same name."""
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if not path.is_file():
+            raise ValueError(f"there is no scene file {path}")
+        if path.stem in seen:
+            raise ValueError(f"two scenes are called {path.stem} ({seen[path.stem]} and {path}): rename one of them")
+        seen[path.stem] = path
+    yield from seen.items()
+
+
+def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None]) -> SceneInfo:
+    """Load a scene in a child process; ValueError if that fails."""
+    job = Job(
+        kind="inspect",
+        scene=str(path),
+        variant=options.variant,
+        params=options.params,
+        spp=options.spp,
+        resolution=options.resolution,
+        seed=SEED,
+        threads=options.threads,
+    )
+    try:
+        result = run_job(job)
+    except JobError as error:
+        raise ValueError(str(error)) from None
+    scene = SceneInfo(name, path, **result.values)
+    for text in [*notes(scene.others, scene.meshes), *result.warnings]:
+        note(f"{name}: {text}")
+    if not scene.comparable:
+        note(f"{name}: its integrator has no fixed block size, so its images are not compared")
+    elif not scene.box_filter:
+        note(f"{name}: timed with its own pixel filter, images compared with the box filter")
+    return scene
+
+
+def _check_brute(specs: Sequence[Spec], scene: SceneInfo) -> None:
+    if scene.triangles > BRUTE_MAX_TRIANGLES and any(spec.name == "brute" for spec in specs):
+        raise ValueError(
+            f"brute takes at most {BRUTE_MAX_TRIANGLES:,} triangles, but {scene.path} has {scene.triangles:,}: "
+            f"leave brute out of --specs ({choices(s.text for s in specs)})"
+        )

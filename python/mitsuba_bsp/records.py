@@ -1,0 +1,117 @@
+"""A results folder: append-only JSON lines that survive interruption, and what a second run may add to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+Record = Mapping[str, Any]
+
+#: Fields that every record of one scene in one folder must share, or its figures could not be compared.
+CONTEXT = (
+    "scene_hash", "variant", "params", "spp", "resolution", "seed", "threads",
+    "mitsuba", "mitsuba_bsp", "compiler", "python", "cpu",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ResultsFolder:
+    """The files of one comparison.
+
+    `records.jsonl` has one object per timed run, `counters.jsonl` one per untimed run with counters and image,
+    `failures.jsonl` one per job that failed.
+    """
+
+    path: Path
+
+    def check_writable(self) -> None:
+        """ValueError if the folder cannot be written to, or not be created; leaves nothing behind."""
+        existing = next(folder for folder in (self.path, *self.path.absolute().parents) if folder.exists())
+        try:
+            with tempfile.TemporaryFile(dir=existing):
+                pass
+        except OSError as error:
+            raise ValueError(f"cannot write to the output folder {self.path}: {error.strerror}") from None
+
+    def prepare(self) -> None:
+        """Create the folder, and cut off a record whose writing was interrupted."""
+        (self.path / "images").mkdir(parents=True, exist_ok=True)
+        for file in (self.records_file, self.counters_file, self.failures_file):
+            _drop_unfinished_line(file)
+
+    @property
+    def records_file(self) -> Path:
+        """Timed runs."""
+        return self.path / "records.jsonl"
+
+    @property
+    def counters_file(self) -> Path:
+        """Untimed runs with counters and images."""
+        return self.path / "counters.jsonl"
+
+    @property
+    def failures_file(self) -> Path:
+        """Jobs that failed, in this run or an earlier one."""
+        return self.path / "failures.jsonl"
+
+    def image(self, scene: str, spec: str) -> Path:
+        """Where the EXR image of a scene and spec goes."""
+        safe = "".join(c if c.isalnum() or c in "=.-+" else "_" for c in spec)
+        return self.path / "images" / f"{scene}--{safe}.exr"
+
+    def records(self) -> list[Record]:
+        """All timed runs, in the order in which they finished."""
+        return _read(self.records_file)
+
+    def counted(self) -> dict[tuple[str, str], Record]:
+        """The newest untimed run of every (scene, spec) whose image is still there."""
+        rows = {(str(row["scene"]), str(row["spec"])): row for row in _read(self.counters_file)}
+        return {key: row for key, row in rows.items() if (self.path / str(row["image"])).is_file()}
+
+
+def append(file: Path, record: Record) -> None:
+    """Add one line and make sure that it is on disk."""
+    with file.open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps(record) + "\n")
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def check_context(rows: Sequence[Record], scene: str, spec_full: Mapping[str, str], context: Record) -> None:
+    """ValueError, naming the first difference, if `rows` of this scene were made with other settings.
+
+    `spec_full` maps each spec of this run to its full text.
+    """
+    for row in rows:
+        if row["scene"] != scene:
+            continue
+        expected = {**context, "spec_full": spec_full.get(str(row["spec"]), row["spec_full"])}
+        for key in (*CONTEXT, "spec_full"):
+            if row[key] != expected[key]:
+                raise ValueError(
+                    f"the output folder already holds {row['spec']} on {scene} with {key} {row[key]}, but this run has "
+                    f"{expected[key]}: choose another --out or the same settings"
+                )
+
+
+def _read(file: Path) -> list[Record]:
+    if not file.exists():
+        return []
+    lines = file.read_text(encoding="utf-8").split("\n")
+    return [json.loads(line) for line in lines[:-1]]  # what follows the last newline is an unfinished record
+
+
+def _drop_unfinished_line(file: Path) -> None:
+    """Cut off what follows the last newline: a record whose writing was interrupted."""
+    if not file.exists():
+        return
+    content = file.read_bytes()
+    complete = content.rfind(b"\n") + 1
+    if complete < len(content):
+        with file.open("r+b") as stream:
+            stream.truncate(complete)

@@ -1,0 +1,219 @@
+"""The child process behind every job: `python -m mitsuba_bsp.worker ANSWER`, with the job as JSON on standard input.
+
+The answer file always says how far the worker got, so that the parent can tell what killed it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import resource
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from .exr import write_exr
+from .jobs import Job
+from .loading import LoadedScene, open_file, parsed_file
+from .messages import one_sentence
+from .render_setup import fix_block_size, has_box_filter, set_resolution, use_box_filter
+from .scene_hash import referenced_file, scene_hash
+from .spec import parse_spec
+from .tree_statistics import statistics
+
+Stage = Callable[[str], None]
+
+
+def main() -> None:
+    """Do the job and write the answer: `values`, or `error` with one sentence, and always the last `stage`."""
+    answer = Path(sys.argv[1])
+    job = Job(**json.load(sys.stdin))
+    reached: dict[str, Any] = {"stage": "starting"}
+
+    def stage(text: str) -> None:
+        reached["stage"] = text
+        answer.write_text(json.dumps(reached))
+
+    try:
+        _set_up(job)
+        reached["values"] = _KINDS[job.kind](job, stage)
+    # Whatever goes wrong is the parent's to report: this process has no other voice.
+    except Exception as error:  # noqa: BLE001
+        reached["error"] = one_sentence(error)
+    answer.write_text(json.dumps(reached))
+
+
+def _set_up(job: Job) -> None:
+    mi.set_variant(job.variant)
+    mi.set_log_level(mi.LogLevel.Warn)
+    formatter = mi.logger().formatter()
+    for part in (formatter.set_has_date, formatter.set_has_thread, formatter.set_has_class):
+        part(False)
+    dr.set_thread_count(job.threads)
+
+
+def _load(job: Job, stage: Stage, box: bool) -> LoadedScene:
+    """Make the scene's objects, with the film and integrator that the job asks for."""
+
+    def edit(state: mi.parser.ParserState) -> None:
+        if job.resolution:
+            set_resolution(state, job.resolution)
+        if box:
+            use_box_filter(state)
+        fix_block_size(state)
+
+    stage(f"loading {job.scene}")
+    return open_file(job.scene, params=job.params, edit=edit)
+
+
+def _construct(job: Job, loaded: LoadedScene, stage: Stage, count: bool = False) -> tuple[mi.Scene, float]:
+    """The scene, and the seconds it took to construct it from loaded objects."""
+    state = loaded.regrouped(parse_spec(job.spec), count)
+    stage(f"building {job.spec} for {job.scene}")
+    start = time.perf_counter()
+    scene = loaded.construct(state)
+    return scene, time.perf_counter() - start
+
+
+def _render(job: Job, scene: mi.Scene, stage: Stage, spp: int) -> tuple[np.ndarray, float]:
+    """The image (height, width, channels) and the seconds of `mitsuba.render` alone."""
+    stage(f"rendering {job.scene} with {job.spec}")
+    start = time.perf_counter()
+    tensor = mi.render(scene, spp=spp, seed=job.seed)
+    seconds = time.perf_counter() - start
+    return np.array(tensor, dtype=np.float32), seconds
+
+
+def _spp(job: Job, scene: mi.Scene) -> int:
+    return job.spp or scene.sensors()[0].sampler().sample_count()
+
+
+def _inspect(job: Job, stage: Stage) -> dict[str, Any]:
+    """Load a scene and say what a comparison needs to know about it."""
+    traits: dict[str, bool] = {}
+
+    def look(state: mi.parser.ParserState) -> None:
+        traits.update(box_filter=has_box_filter(state), fixed_blocks=fix_block_size(state))
+        if job.resolution:
+            set_resolution(state, job.resolution)
+
+    stage(f"loading {job.scene}")
+    digest = scene_hash(job.scene, job.params)
+    loaded = open_file(job.scene, params=job.params, edit=look)
+    scene, _ = _construct(job, loaded, stage)
+    if scene.integrator() is None or not scene.sensors():
+        missing = "integrator" if scene.integrator() is None else "sensor"
+        raise ValueError(f"{job.scene} has no {missing}, so there is nothing to render")
+    sampler, film = scene.sensors()[0].sampler(), scene.sensors()[0].film()
+    if job.spp:
+        sampler.set_sample_count(job.spp)
+    return traits | {
+        "scene_hash": digest,
+        "triangles": loaded.triangles,
+        "meshes": len(loaded.meshes),
+        "others": loaded.others,
+        "spp": sampler.sample_count(),
+        "resolution": [int(side) for side in film.crop_size()],
+    }
+
+
+def _count(job: Job, stage: Stage) -> dict[str, Any]:
+    """Render once, untimed, with ray counters and the box filter, and write the image."""
+    scene, _ = _construct(job, _load(job, stage, box=True), stage, count=True)
+    pixels, _ = _render(job, scene, stage, _spp(job, scene))
+    stage(f"writing {job.image}")
+    _write_images(job, scene, pixels)
+    return {"statistics": statistics(scene), "pixels_sha256": _digest(pixels)}
+
+
+def _time(job: Job, stage: Stage) -> dict[str, Any]:
+    """Time building and rendering, after a warm-up render of one sample per pixel."""
+    scene, build_s = _construct(job, _load(job, stage, box=False), stage)
+    spp = _spp(job, scene)
+    _render(job, scene, stage, spp=1)
+    pixels, render_s = _render(job, scene, stage, spp)
+    return {
+        "build_s": build_s,
+        "render_s": render_s,
+        "statistics": statistics(scene),
+        "pixels_sha256": _digest(pixels),
+        "peak_rss_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+    }
+
+
+def _render_once(job: Job, stage: Stage) -> dict[str, Any]:
+    """Render the scene as it says and write the image."""
+    loaded = _load(job, stage, box=False)
+    scene, build_s = _construct(job, loaded, stage)
+    pixels, render_s = _render(job, scene, stage, _spp(job, scene))
+    stage(f"writing {job.image}")
+    header = {**job.header, "scene_hash": scene_hash(job.scene, job.params)}
+    _write_image(Path(job.image), scene, pixels, header)
+    return {
+        "build_s": build_s,
+        "render_s": render_s,
+        "meshes": len(loaded.meshes),
+        "others": loaded.others,
+        "statistics": statistics(scene),
+    }
+
+
+def _blame(job: Job, stage: Stage) -> dict[str, Any]:
+    """Read the scene's shape files one by one, announcing each, until one of them kills this process."""
+    with parsed_file(job.scene, params=job.params) as (config, state):
+        mi.parser.transform_upgrade(config, state)
+        for node in state.nodes:
+            for key in node.props if node.type == mi.ObjectType.Shape else ():
+                file = referenced_file(node.props, key)
+                if file is None:
+                    continue
+                stage(f"reading {file}")
+                try:
+                    mi.load_dict({"type": node.props.plugin_name(), key: str(file), **_shape_index(node.props)})
+                except RuntimeError:  # an ordinary error is not what we are looking for
+                    continue
+    return {}
+
+
+def _shape_index(props: mi.Properties) -> dict[str, int]:
+    """Which mesh of a `serialized` file a shape is."""
+    return {"shape_index": props["shape_index"]} if "shape_index" in props else {}
+
+
+def _digest(pixels: np.ndarray) -> str:
+    return hashlib.sha256(np.ascontiguousarray(pixels).tobytes()).hexdigest()
+
+
+def _write_images(job: Job, scene: mi.Scene, pixels: np.ndarray) -> None:
+    """The EXR file of a comparison and its PNG preview."""
+    path = Path(job.image)
+    _write_image(path, scene, pixels, job.header)
+    _write_image(path.with_suffix(".png"), scene, pixels, job.header)
+
+
+def _write_image(path: Path, scene: mi.Scene, pixels: np.ndarray, header: Mapping[str, str]) -> None:
+    """Write an EXR or (tone-mapped to sRGB) PNG file, by the suffix of `path`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".png":
+        shown = np.ascontiguousarray(pixels[..., : 3 if pixels.shape[2] >= 3 else 1])
+        mi.util.write_bitmap(str(path), shown, write_async=False)
+    else:
+        write_exr(path, pixels, scene.integrator().aov_names(), header)
+
+
+_KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
+    "inspect": _inspect,
+    "count": _count,
+    "time": _time,
+    "render": _render_once,
+    "blame": _blame,
+}
+
+if __name__ == "__main__":
+    main()
