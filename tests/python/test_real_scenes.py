@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not SHARED.is_dir(), reason="the folder of real 
 
 
 def render(scene: str, spec: str) -> np.ndarray:
-    """96 x 96 pixels in nine blocks, more than there are threads, so that the seeds of blocks are the same everywhere."""
+    """96 x 96 pixels in nine blocks, more than there are threads, so that their seeds are the same everywhere."""
     loaded = mitsuba_bsp.load_file(str(SHARED / f"{scene}.xml"), spec, res=96, spp=2)
     return np.array(mi.render(loaded, seed=1))
 

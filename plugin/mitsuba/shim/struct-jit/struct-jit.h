@@ -1,4 +1,4 @@
-/// Stands in for a header that Mitsuba's wheel leaves out: `core/struct.h`, and so `mesh.h`, want these three names only.
+/// Stands in for a header that Mitsuba's wheel leaves out: `core/struct.h`, and so `mesh.h`, want these three names.
 #pragma once
 
 namespace struct_jit {
