@@ -16,7 +16,7 @@ constexpr NodeWord::Kind oblique_kinds[3] = {NodeWord::oblique_x, NodeWord::obli
 std::uint32_t checked_index(std::size_t index) {
     if (index > NodeWord::max_index)
         throw std::length_error("the tree is too large for its node format: " + std::to_string(index) +
-                                " is above 2^29; raise leaf_size or lower max_references");
+                                " is above 2^26; raise leaf_size or lower max_references");
     return std::uint32_t(index);
 }
 
@@ -36,6 +36,68 @@ std::uint32_t add_blocks(const std::uint32_t *ids, std::size_t count, const Tria
     return first;
 }
 
+/// The directions of a tree's oblique nodes if they are few, compared with their nodes and with `max_families`.
+std::vector<Direction> find_families(const Tree &tree) {
+    constexpr std::size_t nodes_per_family = 8; // a ray meets few nodes; a family it does not meet costs it time
+    std::vector<Direction> families;
+    std::size_t oblique_nodes = 0;
+    for (const TreeNode &node : tree.nodes) {
+        if (node.kind != TreeNode::Kind::oblique)
+            continue;
+        ++oblique_nodes;
+        if (std::find(families.begin(), families.end(), node.direction) == families.end())
+            families.push_back(node.direction);
+        if (families.size() > NodeWord::max_families)
+            return {};
+    }
+    return oblique_nodes >= nodes_per_family * families.size() ? families : std::vector<Direction>{};
+}
+
+Splits splits_of(const Tree &tree, const std::vector<Direction> &families) {
+    const bool oblique = std::any_of(tree.nodes.begin(), tree.nodes.end(), [](const TreeNode &node) {
+        return node.kind != TreeNode::Kind::leaf && !node.direction.is_axis();
+    });
+    return !oblique ? Splits::axes : families.empty() ? Splits::planes : Splits::families;
+}
+
+/// Writes the interior nodes of a tree.
+class NodeWriter {
+public:
+    NodeWriter(const Tree &tree, BinaryLayout &layout) : m_layout(layout), m_word_of(tree.nodes.size()) {
+        std::size_t count = 0;
+        for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
+            m_word_of[i] = count;
+            count += is_double(tree.nodes[i]) ? 2 : 1;
+        }
+        m_layout.words.reserve(count);
+    }
+
+    void write(const TreeNode &node) {
+        const std::uint32_t above = checked_index(m_word_of[node.above]);
+        m_layout.words.push_back(NodeWord::interior(kind_of(node), node.offset, above));
+        if (is_double(node))
+            m_layout.words.push_back(NodeWord::slopes(node.direction.a, node.direction.b));
+    }
+
+private:
+    bool is_double(const TreeNode &node) const {
+        return node.kind == TreeNode::Kind::oblique && m_layout.splits == Splits::planes;
+    }
+
+    std::uint32_t kind_of(const TreeNode &node) const {
+        if (node.kind == TreeNode::Kind::axis || m_layout.splits == Splits::axes)
+            return axis_kinds[node.direction.major];
+        if (m_layout.splits == Splits::planes)
+            return oblique_kinds[node.direction.major];
+        const auto &families = m_layout.families;
+        return NodeWord::family +
+               std::uint32_t(std::find(families.begin(), families.end(), node.direction) - families.begin());
+    }
+
+    BinaryLayout &m_layout;
+    std::vector<std::size_t> m_word_of;
+};
+
 } // namespace
 
 BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
@@ -45,31 +107,16 @@ BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
         layout.box.lower[axis] = round_down(root.lower[axis]);
         layout.box.upper[axis] = round_up(root.upper[axis]);
     }
-    layout.has_oblique = std::any_of(tree.nodes.begin(), tree.nodes.end(), [](const TreeNode &node) {
-        return node.kind != TreeNode::Kind::leaf && !node.direction.is_axis();
-    });
-    const auto is_wide = [&](const TreeNode &node) {
-        return node.kind == TreeNode::Kind::oblique && layout.has_oblique;
-    };
-
-    std::vector<std::size_t> word_of(tree.nodes.size());
-    std::size_t word_count = 0;
-    for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
-        word_of[i] = word_count;
-        word_count += is_wide(tree.nodes[i]) ? 2 : 1;
-    }
-    layout.words.reserve(word_count);
+    layout.families = find_families(tree);
+    layout.splits = splits_of(tree, layout.families);
+    NodeWriter writer(tree, layout);
     for (const TreeNode &node : tree.nodes) {
         if (node.kind == TreeNode::Kind::leaf) {
             const std::uint32_t *ids = tree.references.data() + node.first;
             layout.words.push_back(NodeWord::make_leaf(add_blocks(ids, node.count, set, layout.blocks), node.count));
-            continue;
+        } else {
+            writer.write(node);
         }
-        const auto &kinds = is_wide(node) ? oblique_kinds : axis_kinds;
-        layout.words.push_back(
-            NodeWord::interior(kinds[node.direction.major], node.offset, checked_index(word_of[node.above])));
-        if (is_wide(node))
-            layout.words.push_back(NodeWord::slopes(node.direction.a, node.direction.b));
     }
     return layout;
 }
@@ -81,7 +128,9 @@ std::vector<Plane> planes_of(const BinaryLayout &layout) {
         if (word.is_leaf())
             continue;
         Direction direction{std::uint8_t(word.axis()), 0, 0};
-        if (!word.is_axis()) {
+        if (word.is_family()) {
+            direction = layout.families[word.family_index()];
+        } else if (!word.is_axis()) {
             ++i;
             direction.a = layout.words[i].a();
             direction.b = layout.words[i].b();

@@ -12,22 +12,23 @@
 namespace bsp {
 
 /// One or two words make a node. Its kind and where its second child (interior) or its first block (leaf) is share 32
-/// bits; the child below follows the node.
+/// bits; the child below follows the node. Kinds from `family` on are planes of the layout's families: one word each.
 class NodeWord {
 public:
-    enum Kind : std::uint32_t { axis_x, axis_y, axis_z, leaf, oblique_x, oblique_y, oblique_z };
-    static constexpr std::uint32_t max_index = (1u << 29) - 1;
+    enum Kind : std::uint32_t { axis_x, axis_y, axis_z, leaf, oblique_x, oblique_y, oblique_z, family };
+    static constexpr std::uint32_t kind_bits = 6, max_families = (1u << kind_bits) - family;
+    static constexpr std::uint32_t max_index = (1u << (32 - kind_bits)) - 1;
 
-    static NodeWord interior(Kind kind, float offset, std::uint32_t above) {
+    static NodeWord interior(std::uint32_t kind, float offset, std::uint32_t above) {
         NodeWord word;
         word.m_value = offset;
-        word.m_bits = above << 3 | kind;
+        word.m_bits = above << kind_bits | kind;
         return word;
     }
     static NodeWord make_leaf(std::uint32_t first_block, std::uint32_t triangle_count) {
         NodeWord word;
         std::memcpy(&word.m_value, &triangle_count, sizeof triangle_count);
-        word.m_bits = first_block << 3 | leaf;
+        word.m_bits = first_block << kind_bits | leaf;
         return word;
     }
     /// The second word of an oblique node.
@@ -38,12 +39,14 @@ public:
         return word;
     }
 
-    Kind kind() const { return Kind(m_bits & 7); }
+    std::uint32_t kind() const { return m_bits & ((1u << kind_bits) - 1); }
     bool is_leaf() const { return kind() == leaf; }
     bool is_axis() const { return kind() < leaf; }
+    bool is_family() const { return kind() >= family; }
     unsigned axis() const { return m_bits & 3; } ///< of kinds that have one: the values are chosen so
+    unsigned family_index() const { return kind() - family; }
     float offset() const { return m_value; }
-    std::uint32_t index() const { return m_bits >> 3; } ///< word of the child above, or the leaf's first block
+    std::uint32_t index() const { return m_bits >> kind_bits; } ///< word of the child above, or the leaf's first block
     std::uint32_t triangle_count() const {
         std::uint32_t count;
         std::memcpy(&count, &m_value, sizeof count);
@@ -68,11 +71,19 @@ struct Box {
     Vec3f lower, upper;
 };
 
+/// What a tree's interior nodes are: a tree pays only for what it needs, whatever built it.
+enum class Splits {
+    axes,     ///< axis nodes
+    families, ///< axis nodes and planes of few directions, whose dot products are computed once per ray
+    planes,   ///< axis nodes and planes of any direction
+};
+
 struct BinaryLayout {
     Box box;
     std::vector<NodeWord> words;
     std::vector<TriangleBlock> blocks;
-    bool has_oblique = false; ///< a tree whose splits are all axis-aligned has no plane nodes, whatever built it
+    Splits splits = Splits::axes;
+    std::vector<Direction> families; ///< of `Splits::families`
 
     std::size_t bytes() const { return words.size() * sizeof(NodeWord) + blocks.size() * sizeof(TriangleBlock); }
 };
@@ -80,7 +91,7 @@ struct BinaryLayout {
 /// The split planes, in the order of the nodes.
 std::vector<Plane> planes_of(const BinaryLayout &layout);
 
-/// Throws std::length_error if the tree does not fit 29-bit indices.
+/// Throws std::length_error if the tree does not fit 26-bit indices.
 BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set);
 
 } // namespace bsp

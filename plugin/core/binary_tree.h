@@ -12,7 +12,7 @@ namespace bsp {
 void describe_tree(const Tree &tree, Statistics &statistics);
 
 /// A tree in the binary layout.
-template <typename Test, bool has_oblique, Fault fault> class BinaryTree final : public Accelerator {
+template <typename Test, Splits splits, Fault fault> class BinaryTree final : public Accelerator {
 public:
     BinaryTree(BinaryLayout layout, const TriangleSet &set, Statistics statistics) : m_layout(std::move(layout)) {
         m_statistics = std::move(statistics);
@@ -34,7 +34,7 @@ public:
 private:
     template <typename Query, typename Counting> auto run(const Ray &ray, Counting counting) const noexcept {
         Query query(ray.maxt);
-        traverse<has_oblique, fault, Test>(m_layout, ray, query, counting);
+        traverse<splits, fault, Test>(m_layout, ray, query, counting);
         return query.result();
     }
 
@@ -45,9 +45,16 @@ template <typename Test, Fault fault>
 std::unique_ptr<Accelerator> make_binary_tree(BinaryLayout layout, const Tree &tree, const TriangleSet &set,
                                               Statistics statistics) {
     describe_tree(tree, statistics);
-    if (layout.has_oblique)
-        return std::make_unique<BinaryTree<Test, true, fault>>(std::move(layout), set, std::move(statistics));
-    return std::make_unique<BinaryTree<Test, false, fault>>(std::move(layout), set, std::move(statistics));
+    switch (layout.splits) {
+    case Splits::axes:
+        return std::make_unique<BinaryTree<Test, Splits::axes, fault>>(std::move(layout), set, std::move(statistics));
+    case Splits::families:
+        return std::make_unique<BinaryTree<Test, Splits::families, fault>>(std::move(layout), set,
+                                                                           std::move(statistics));
+    case Splits::planes:
+        break;
+    }
+    return std::make_unique<BinaryTree<Test, Splits::planes, fault>>(std::move(layout), set, std::move(statistics));
 }
 
 } // namespace bsp

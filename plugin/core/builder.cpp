@@ -37,10 +37,11 @@ struct Split {
 class Builder {
 public:
     Builder(const TriangleSet &set, const Settings &settings)
-        : m_set(set), m_settings(settings), m_source(make_split_source(settings.tree)) {
+        : m_set(set), m_settings(settings), m_source(make_split_source(settings)) {
         const double count = std::max<double>(1, double(set.valid.size()));
-        m_max_depth = settings.max_depth > 0 ? settings.max_depth
-                                             : std::min(depth_limit, int(std::round(8 + 1.6 * std::log2(count))));
+        m_max_depth = settings.max_depth > 0
+                          ? settings.max_depth
+                          : std::min(depth_limit, int(std::round(m_settings.depth_margin + 1.6 * std::log2(count))));
     }
 
     Tree build() const {
@@ -58,12 +59,13 @@ private:
     double build_node(NodeWork node, Tree &tree) const {
         const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
         std::optional<Split> split;
-        const bool may_pay = leaf_price > std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
+        const bool may_pay =
+            !m_settings.retract || leaf_price > std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
         if (may_pay && node.references.size() > std::size_t(m_settings.leaf_size) && node.depth < m_max_depth)
             split = choose_split(node);
         if (!split || double(split->plane.below) + split->plane.above > node.budget)
             return add_leaf(node.references.ids, leaf_price, tree);
-        if (split->price >= leaf_price && --node.bad_refines < 0)
+        if (split->price >= leaf_price && (--node.bad_refines < 0 || is_hopeless(*split, node)))
             return add_leaf(node.references.ids, leaf_price, tree);
         auto cells = node.cell.split(split->direction, split->plane.offset);
         if (!cells)
@@ -78,11 +80,17 @@ private:
         tree.nodes.push_back({split->kind, split->direction, split->plane.offset, 0, 0, 0});
         const auto [price_below, price_above] = build_children(std::move(below), std::move(above), start, tree);
         const double price = step_price(split->kind) + (area_below * price_below + area_above * price_above) / area;
-        if (price < leaf_price)
+        if (price < leaf_price || !m_settings.retract)
             return price;
         tree.nodes.resize(start); // the splits never paid: a leaf after all
         tree.references.resize(first_reference);
         return add_leaf(ids, leaf_price, tree);
+    }
+
+    /// Bad splits are mended by retracting them; where that is off, the rule of the published code keeps the worst out.
+    bool is_hopeless(const Split &split, const NodeWork &node) const {
+        const double count = double(node.references.size());
+        return !m_settings.retract && count < 16 && split.price > 4 * m_settings.cost.intersection_cost * count;
     }
 
     double add_leaf(const std::vector<std::uint32_t> &ids, double price, Tree &tree) const {
@@ -108,8 +116,7 @@ private:
             wanted -= 3;
         }
         if (m_source && wanted > 0) {
-            const NodeTriangles triangles{m_set, node.references.ids.data(), node.references.size()};
-            for (const Direction &direction : m_source->directions(triangles, wanted, Random(node.seed)))
+            for (const Direction &direction : m_source->directions({m_set, node.references}, wanted, Random(node.seed)))
                 if (!direction.is_axis() || m_settings.axes == AxesPolicy::none)
                     directions.push_back(direction);
         }
@@ -121,18 +128,34 @@ private:
                                                                           : TreeNode::Kind::oblique;
     }
 
+    using Sweep = decltype(sweep);
+
     /// The cheapest plane of all directions; ties go to the direction listed first.
     std::optional<Split> choose_split(const NodeWork &node) const {
         const std::vector<Direction> directions = directions_of(node);
+        const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
+        if (node.references.size() > std::size_t(m_settings.exact_below)) {
+            const std::optional<Split> likely = cheapest_of(directions, node, estimate);
+            if (likely && likely->price < leaf_price) {
+                const std::optional<Split> split = cheapest_of({likely->direction}, node, sweep);
+                if (split && split->price < leaf_price)
+                    return split;
+            }
+        }
+        return cheapest_of(directions, node, sweep);
+    }
+
+    std::optional<Split> cheapest_of(const std::vector<Direction> &directions, const NodeWork &node,
+                                     Sweep &price_direction) const {
         std::vector<std::optional<SweptPlane>> planes(directions.size());
-        const auto sweep_range = [&](std::size_t begin, std::size_t end) {
+        const auto price_range = [&](std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i)
-                planes[i] = sweep(node.references, node.cell, directions[i], m_settings.cost);
+                planes[i] = price_direction(node.references, node.cell, directions[i], m_settings.cost);
         };
         if (node.references.size() >= parallel_sweep_size)
-            parallel_for(directions.size(), 1, sweep_range);
+            parallel_for(directions.size(), 1, price_range);
         else
-            sweep_range(0, directions.size());
+            price_range(0, directions.size());
 
         const double count = double(node.references.size());
         const CostModel &cost = m_settings.cost;
@@ -142,7 +165,7 @@ private:
         std::optional<Split> split = cheapest(directions, planes, by_size ? base + surcharge : cost.oblique_cost);
         // A price that grows with the node keeps oblique planes to where they gain much; where it lets nothing beat the
         // leaf, they are tried again at their true price (Ize, Wald, Parker 2008).
-        if (by_size && (!split || split->price >= cost.intersection_cost * count))
+        if (by_size && cost.retry && (!split || split->price >= cost.intersection_cost * count))
             split = cheapest(directions, planes, cost.oblique_cost);
         return split;
     }
@@ -164,7 +187,7 @@ private:
 
     std::pair<NodeWork, NodeWork> make_children(const NodeWork &node, const Split &split,
                                                 std::pair<Cell, Cell> cells) const {
-        auto [below, above] = split_references(node.references, split.direction, split.plane);
+        auto [below, above] = split_references(node.references, split.direction, split.plane, m_settings.clip);
         const double total = std::max(1.0, double(below.size() + above.size()));
         const double share_below = node.budget * double(below.size()) / total;
         const double share_above = node.budget * double(above.size()) / total;

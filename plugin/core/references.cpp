@@ -75,6 +75,13 @@ std::pair<double, double> ReferenceList::extent(std::size_t i, const Direction &
     return {low, high};
 }
 
+double ReferenceList::area(std::size_t i) const {
+    Vec3d sum;
+    for (std::uint32_t v = starts[i] + 2; v < starts[i + 1]; ++v)
+        sum = sum + cross(vertices[v - 1] - vertices[starts[i]], vertices[v] - vertices[starts[i]]);
+    return norm(sum) / 2;
+}
+
 ReferenceList make_references(const TriangleSet &set) {
     ReferenceList list;
     list.reserve(set.valid.size(), 3 * set.valid.size());
@@ -87,7 +94,7 @@ ReferenceList make_references(const TriangleSet &set) {
 }
 
 std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &references, const Direction &direction,
-                                                         const SweptPlane &plane) {
+                                                         const SweptPlane &plane, bool clip) {
     const double offset = plane.offset;
     std::pair<ReferenceList, ReferenceList> sides;
     auto &[below, above] = sides;
@@ -104,6 +111,9 @@ std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &re
         if (planar ? plane.planar_below : high <= offset) {
             below.add(id, polygon, count);
         } else if (planar || low >= offset) {
+            above.add(id, polygon, count);
+        } else if (!clip) {
+            below.add(id, polygon, count);
             above.add(id, polygon, count);
         } else {
             splitter.split(polygon, count);

@@ -23,6 +23,9 @@ struct ReferenceList {
 
     /// Smallest and largest position of reference `i` along `direction`.
     std::pair<double, double> extent(std::size_t i, const Direction &direction) const;
+
+    /// Area of reference `i`, as far as it is inside the cell.
+    double area(std::size_t i) const;
 };
 
 /// References to all valid triangles, not clipped.
@@ -37,8 +40,9 @@ struct SweptPlane {
 };
 
 /// The references on either side of a plane. What touches the plane with an edge or a vertex only stays on its side;
-/// what crosses it is cut; what lies in it goes below or above as a whole.
+/// what crosses it is cut, or with `clip` false goes to both sides whole; what lies in it goes below or above as a
+/// whole.
 std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &references, const Direction &direction,
-                                                         const SweptPlane &plane);
+                                                         const SweptPlane &plane, bool clip = true);
 
 } // namespace bsp

@@ -51,10 +51,32 @@ double parse_number(const std::string &key, const std::string &text, double lowe
     return value;
 }
 
+/// The trees that a setting has a meaning for.
+enum class For { all, built, oblique, drawn, normals, rbsp };
+
+bool applies(For trees, TreeKind tree) {
+    const bool built = tree != TreeKind::brute, oblique = built && tree != TreeKind::kd;
+    switch (trees) {
+    case For::all:
+        return true;
+    case For::built:
+        return built;
+    case For::oblique:
+        return oblique;
+    case For::drawn: // directions are drawn anew in every node
+        return oblique && tree != TreeKind::rbsp;
+    case For::normals:
+        return tree == TreeKind::normals || tree == TreeKind::clustered;
+    case For::rbsp:
+        return tree == TreeKind::rbsp;
+    }
+    return false;
+}
+
 /// A setting: how it is called, what it may be, where it lives.
 struct Key {
     std::string name, values, meaning;
-    bool oblique_only; ///< has no meaning for a tree whose directions are the three axes
+    For trees;
     std::function<SettingValue(const Settings &)> get;
     std::function<void(Settings &, const std::string &)> set;
 };
@@ -64,13 +86,21 @@ template <typename Enum> struct Word {
     Enum value;
 };
 
-constexpr std::array<Word<TreeKind>, 5> tree_words{{{"kd", TreeKind::kd},
+constexpr std::array<Word<TreeKind>, 6> tree_words{{{"kd", TreeKind::kd},
+                                                    {"rbsp", TreeKind::rbsp},
                                                     {"random", TreeKind::random},
                                                     {"normals", TreeKind::normals},
                                                     {"clustered", TreeKind::clustered},
                                                     {"brute", TreeKind::brute}}};
 constexpr std::array<Word<AxesPolicy>, 3> axes_words{
     {{"none", AxesPolicy::none}, {"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
+constexpr std::array<Word<DirectionSet>, 2> directions_words{
+    {{"kdop", DirectionSet::kdop}, {"spiral", DirectionSet::spiral}}};
+constexpr std::array<Word<Weighting>, 2> weighting_words{
+    {{"triangle", Weighting::triangle}, {"area", Weighting::area}}};
+constexpr std::array<Word<CostPreset>, 3> preset_words{
+    {{"measured", CostPreset::measured}, {"thesis", CostPreset::thesis}, {"ize", CostPreset::ize}}};
+constexpr std::array<Word<bool>, 2> flag_words{{{"true", true}, {"false", false}}};
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
 constexpr std::array<Word<ObliquePrice>, 3> price_words{
     {{"constant", ObliquePrice::constant}, {"linear", ObliquePrice::linear}, {"surcharge", ObliquePrice::surcharge}}};
@@ -90,12 +120,12 @@ template <typename Enum, std::size_t N> std::string word_of(const std::array<Wor
 }
 
 template <typename Enum, std::size_t N>
-Key word_key(std::string name, std::string meaning, bool oblique_only, const std::array<Word<Enum>, N> &words,
+Key word_key(std::string name, std::string meaning, For trees, const std::array<Word<Enum>, N> &words,
              std::function<Enum &(Settings &)> field) {
     return {name,
             choices(words),
             std::move(meaning),
-            oblique_only,
+            trees,
             [&words, field](const Settings &s) { return word_of(words, field(const_cast<Settings &>(s))); },
             [&words, field, name](Settings &s, const std::string &text) {
                 for (const auto &word : words)
@@ -108,69 +138,121 @@ Key word_key(std::string name, std::string meaning, bool oblique_only, const std
 }
 
 template <typename Integer>
-Key integer_key(std::string name, std::string meaning, bool oblique_only, std::int64_t lowest, std::int64_t highest,
+Key integer_key(std::string name, std::string meaning, For trees, std::int64_t lowest, std::int64_t highest,
                 std::string values, std::function<Integer &(Settings &)> field) {
     return {name,
             values,
             std::move(meaning),
-            oblique_only,
+            trees,
             [field](const Settings &s) { return std::int64_t(field(const_cast<Settings &>(s))); },
             [=](Settings &s, const std::string &text) {
                 field(s) = Integer(parse_number(name, text, double(lowest), double(highest), values, true));
             }};
 }
 
-Key number_key(std::string name, std::string meaning, bool oblique_only, double lowest, double highest,
-               std::string values, std::function<double &(Settings &)> field) {
+Key number_key(std::string name, std::string meaning, For trees, double lowest, double highest, std::string values,
+               std::function<double &(Settings &)> field) {
     return {name,
             values,
             std::move(meaning),
-            oblique_only,
+            trees,
             [field](const Settings &s) { return field(const_cast<Settings &>(s)); },
             [=](Settings &s, const std::string &text) {
                 field(s) = parse_number(name, text, lowest, highest, values, false);
             }};
 }
 
-std::vector<Key> make_keys() {
-    constexpr double huge = 1e9;
+Key flag_key(std::string name, std::string meaning, For trees, std::function<bool &(Settings &)> field) {
+    Key key = word_key<bool>(std::move(name), std::move(meaning), trees, flag_words, field);
+    key.values = "true or false";
+    key.get = [field](const Settings &s) { return field(const_cast<Settings &>(s)); };
+    return key;
+}
+
+std::vector<Key> direction_keys() {
     return {
-        integer_key<int>("k", "directions swept at a node, the axes included", true, 1, 32, "an integer from 1 to 32",
-                         [](Settings &s) -> int & { return s.k; }),
+        integer_key<int>("k", "directions swept at a node, the axes included", For::oblique, 1, 32,
+                         "an integer from 1 to 32", [](Settings &s) -> int & { return s.k; }),
+        word_key<DirectionSet>("directions",
+                               "kdop: components -1, 0 and 1, k is 3, 7, 9 or 13; spiral: the axes and a golden-ratio "
+                               "spiral, k from 3 up",
+                               For::rbsp, directions_words, [](Settings &s) -> DirectionSet & { return s.directions; }),
         word_key<AxesPolicy>(
-            "axes", "x, y, z among the directions: none; plain, as any other; fast, with kd nodes of their own", true,
-            axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
-        integer_key<std::uint64_t>("seed", "seed of every random choice of the builder", true, 0, std::int64_t(1) << 53,
-                                   "an integer from 0 to 2^53", [](Settings &s) -> std::uint64_t & { return s.seed; }),
+            "axes", "x, y, z among the directions: none; plain, as any other; fast, with kd nodes of their own",
+            For::oblique, axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
+        word_key<Weighting>("weighting",
+                            "triangles lend their normals: triangle, all alike; area, in proportion to their area "
+                            "inside the node",
+                            For::normals, weighting_words, [](Settings &s) -> Weighting & { return s.weighting; }),
+        integer_key<std::uint64_t>("seed", "seed of every random choice of the builder", For::drawn, 0,
+                                   std::int64_t(1) << 53, "an integer from 0 to 2^53",
+                                   [](Settings &s) -> std::uint64_t & { return s.seed; }),
         word_key<TriangleTest>(
             "triangle_test", "woop: watertight (Woop, Benthin, Wald 2013); mt: the arithmetic of Mitsuba's own meshes",
-            false, test_words, [](Settings &s) -> TriangleTest & { return s.triangle_test; }),
-        number_key("intersection_cost", "price of one triangle test", false, 1e-9, huge, "a number above 0",
+            For::all, test_words, [](Settings &s) -> TriangleTest & { return s.triangle_test; }),
+    };
+}
+
+/// The key whose value decides the defaults of the others.
+constexpr const char *preset_key = "cost";
+
+std::vector<Key> cost_keys() {
+    constexpr double huge = 1e9;
+    return {
+        word_key<CostPreset>(preset_key,
+                             "defaults of all prices and rules below: measured on this project's traversal; thesis: "
+                             "the published code; ize: the thesis's prices with the rule of Ize, Wald, Parker",
+                             For::built, preset_words, [](Settings &s) -> CostPreset & { return s.preset; }),
+        number_key("intersection_cost", "price of one triangle test", For::built, 1e-9, huge, "a number above 0",
                    [](Settings &s) -> double & { return s.cost.intersection_cost; }),
-        number_key("axis_cost", "price of one step through an axis-aligned node", false, 0, huge, "a number from 0 up",
-                   [](Settings &s) -> double & { return s.cost.axis_cost; }),
-        number_key("oblique_cost", "price of one step through an oblique node", true, 0, huge, "a number from 0 up",
-                   [](Settings &s) -> double & { return s.cost.oblique_cost; }),
+        number_key("axis_cost", "price of one step through an axis-aligned node", For::built, 0, huge,
+                   "a number from 0 up", [](Settings &s) -> double & { return s.cost.axis_cost; }),
+        number_key("oblique_cost", "price of one step through an oblique node", For::oblique, 0, huge,
+                   "a number from 0 up", [](Settings &s) -> double & { return s.cost.oblique_cost; }),
         word_key<ObliquePrice>(
             "oblique_price",
             "how oblique splits of n triangles are priced: constant: oblique_cost; linear: axis_cost + "
             "alpha * intersection_cost * (n - 1), the thesis; surcharge: oblique_cost + the same",
-            true, price_words, [](Settings &s) -> ObliquePrice & { return s.cost.oblique_price; }),
-        number_key("alpha", "how the price of oblique splits grows with the node", true, 0, huge, "a number from 0 up",
-                   [](Settings &s) -> double & { return s.cost.alpha; }),
-        number_key("empty_bonus", "factor on the children's price when one of them is empty", false, 0, 1,
+            For::oblique, price_words, [](Settings &s) -> ObliquePrice & { return s.cost.oblique_price; }),
+        number_key("alpha", "how the price of oblique splits grows with the node", For::oblique, 0, huge,
+                   "a number from 0 up", [](Settings &s) -> double & { return s.cost.alpha; }),
+        flag_key("retry", "where nothing beats the leaf, oblique splits are tried again at oblique_cost", For::oblique,
+                 [](Settings &s) -> bool & { return s.cost.retry; }),
+        number_key("empty_bonus", "factor on the children's price when one of them is empty", For::built, 0, 1,
                    "a number from 0 to 1", [](Settings &s) -> double & { return s.cost.empty_bonus; }),
-        integer_key<int>("leaf_size", "nodes with this many triangles or fewer are leaves", false, 1, 1 << 20,
+    };
+}
+
+std::vector<Key> rule_keys() {
+    return {
+        integer_key<int>("leaf_size", "nodes with this many triangles or fewer are leaves", For::built, 1, 1 << 20,
                          "an integer from 1 to 1048576", [](Settings &s) -> int & { return s.leaf_size; }),
-        integer_key<int>(
-            "bad_refines",
-            "splits dearer than a leaf that may follow one another; undone when they do not pay in the end", false, 0,
-            depth_limit, "an integer from 0 to 60", [](Settings &s) -> int & { return s.bad_refines; }),
-        integer_key<int>("max_depth", "levels of interior nodes; 0 chooses by the number of triangles", false, 0,
-                         depth_limit, "an integer from 0 to 60", [](Settings &s) -> int & { return s.max_depth; }),
-        number_key("max_references", "cap on references per triangle over the whole tree", false, 1, 1000,
+        integer_key<int>("exact_below",
+                         "nodes with more triangles choose their direction by bins and sweep only that one", For::built,
+                         1, 1 << 30, "an integer from 1 to 2^30", [](Settings &s) -> int & { return s.exact_below; }),
+        flag_key("clip", "triangles are clipped to the cell; if not, their whole extents count", For::built,
+                 [](Settings &s) -> bool & { return s.clip; }),
+        integer_key<int>("bad_refines", "splits dearer than a leaf that may follow one another", For::built, 0,
+                         depth_limit, "an integer from 0 to 60", [](Settings &s) -> int & { return s.bad_refines; }),
+        flag_key("retract",
+                 "splits that do not pay in the end are undone; if not, they stay, and where one costs more than 4 "
+                 "times a leaf of fewer than 16 triangles it is not made",
+                 For::built, [](Settings &s) -> bool & { return s.retract; }),
+        integer_key<int>("max_depth", "levels of interior nodes; 0: depth_margin + 1.6 log2(triangles), at most 60",
+                         For::built, 0, depth_limit, "an integer from 0 to 60",
+                         [](Settings &s) -> int & { return s.max_depth; }),
+        number_key("depth_margin", "see max_depth", For::built, 0, depth_limit, "a number from 0 to 60",
+                   [](Settings &s) -> double & { return s.depth_margin; }),
+        number_key("max_references", "cap on references per triangle over the whole tree", For::built, 1, 1000,
                    "a number from 1 to 1000", [](Settings &s) -> double & { return s.max_references; }),
     };
+}
+
+std::vector<Key> make_keys() {
+    std::vector<Key> keys = direction_keys();
+    for (const auto &more : {cost_keys(), rule_keys()})
+        keys.insert(keys.end(), more.begin(), more.end());
+    return keys;
 }
 
 const std::vector<Key> &all_keys() {
@@ -180,12 +262,9 @@ const std::vector<Key> &all_keys() {
 
 std::vector<const Key *> keys_of(TreeKind tree) {
     std::vector<const Key *> keys;
-    for (const Key &key : all_keys()) {
-        const bool applies =
-            tree == TreeKind::brute ? key.name == "triangle_test" : !(key.oblique_only && tree == TreeKind::kd);
-        if (applies)
+    for (const Key &key : all_keys())
+        if (applies(key.trees, tree))
             keys.push_back(&key);
-    }
     return keys;
 }
 
@@ -201,13 +280,39 @@ Settings defaults_of(TreeKind tree) {
     settings.tree = tree;
     if (tree == TreeKind::kd)
         settings.k = 3;
+    else if (tree == TreeKind::rbsp)
+        settings.k = 13;
     return settings;
 }
 
+void apply_preset(CostPreset preset, Settings &s) {
+    s.preset = preset;
+    if (preset == CostPreset::measured)
+        return;
+    s.cost = {80, 1, 5, ObliquePrice::linear, 0.1, preset == CostPreset::ize, 1.0};
+    if (preset == CostPreset::ize)
+        return;
+    s.exact_below = 1 << 30;
+    s.clip = s.retract = false;
+    s.bad_refines = 2;
+    s.depth_margin = 2;
+    s.max_references = 1000;
+}
+
 void check_together(const Settings &s) {
+    const std::string k = "k=" + std::to_string(s.k);
+    if (s.tree == TreeKind::rbsp) {
+        if (s.axes == AxesPolicy::none)
+            refuse("axes=none is not valid for rbsp, whose fixed directions hold the axes: axes is plain or fast");
+        const bool kdop = s.k == 3 || s.k == 7 || s.k == 9 || s.k == 13;
+        if (s.directions == DirectionSet::kdop && !kdop)
+            refuse(k + " is not valid with directions=kdop: its sets have 3, 7, 9 or 13 directions; directions=spiral "
+                       "takes any k from 3 to 32");
+    }
     if (s.axes != AxesPolicy::none && s.k < 3)
-        refuse("k=" + std::to_string(s.k) + " is not valid with axes=" + word_of(axes_words, s.axes) +
-               ": k counts the three axes, so it is 3 or more; with axes=none it may be 1 or more");
+        refuse(k + " is not valid with axes=" + word_of(axes_words, s.axes) +
+               ": k counts the three axes, so it is 3 or more" +
+               (s.tree == TreeKind::rbsp ? "" : "; with axes=none it may be 1 or more"));
 }
 
 } // namespace
@@ -222,9 +327,8 @@ std::vector<std::string> tree_names() {
 Settings make_settings(const std::string &tree, const Options &options) {
     Settings settings = defaults_of(parse_tree(tree));
     const std::vector<const Key *> keys = keys_of(settings.tree);
-    for (const auto &[name, text] : options) {
-        const auto found =
-            std::find_if(keys.begin(), keys.end(), [&, &wanted = name](const Key *key) { return key->name == wanted; });
+    const auto set = [&](const std::string &name, const std::string &text) {
+        const auto found = std::find_if(keys.begin(), keys.end(), [&](const Key *key) { return key->name == name; });
         if (found == keys.end()) {
             std::vector<std::string> names;
             for (const Key *key : keys)
@@ -232,7 +336,14 @@ Settings make_settings(const std::string &tree, const Options &options) {
             refuse(tree + " has no setting '" + name + "': its settings are " + join(names));
         }
         (*found)->set(settings, text);
-    }
+    };
+    for (const auto &[name, text] : options)
+        if (name == preset_key) { // first, wherever it stands: the others change what it sets
+            set(name, text);
+            apply_preset(settings.preset, settings);
+        }
+    for (const auto &[name, text] : options)
+        set(name, text);
     check_together(settings);
     return settings;
 }

@@ -9,9 +9,25 @@
 
 namespace bsp {
 
-enum class TreeKind { kd, random, normals, clustered, brute };
+enum class TreeKind { kd, rbsp, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
+/// The fixed directions of `rbsp`.
+enum class DirectionSet {
+    kdop,   ///< components -1, 0 and 1, for k = 3, 7, 9, 13: Klosowski et al. 1998
+    spiral, ///< the axes and points on a golden-ratio spiral, for any k: Kammaje, Mora 2007
+};
+/// Which of a node's triangles lend their normals.
+enum class Weighting {
+    triangle, ///< each is as likely as any other
+    area,     ///< in proportion to the area of its part inside the node
+};
+/// Where the defaults of prices and stop rules come from; each may be set on its own as well.
+enum class CostPreset {
+    measured, ///< on this project's own traversal
+    thesis,   ///< the published code of Hoobergs 2019: no clipping, no retry, no retraction, exact sweeps
+    ize,      ///< the thesis's constants with the rule of Ize, Wald, Parker 2008: linear price, then a constant one
+};
 /// What an oblique split of n triangles costs when splits are compared; the step itself always costs `oblique_cost`.
 enum class ObliquePrice {
     constant,  ///< oblique_cost
@@ -26,6 +42,7 @@ struct CostModel {
     double oblique_cost = 1.1;      ///< one step through an oblique node
     ObliquePrice oblique_price = ObliquePrice::surcharge;
     double alpha = 0.1;       ///< how the price of oblique splits grows with the node
+    bool retry = true;        ///< where nothing beats the leaf, oblique splits are tried again at `oblique_cost`
     double empty_bonus = 0.9; ///< factor on the children's cost when one of them is empty
 };
 
@@ -34,11 +51,18 @@ struct Settings {
     int k = 6; ///< directions swept at a node, the axes included
     AxesPolicy axes = AxesPolicy::fast;
     std::uint64_t seed = 0;
+    DirectionSet directions = DirectionSet::kdop;
+    Weighting weighting = Weighting::triangle;
     TriangleTest triangle_test = TriangleTest::woop;
+    CostPreset preset = CostPreset::measured;
     CostModel cost;
     int leaf_size = 1;           ///< nodes with this many triangles or fewer are not split
-    int bad_refines = 1;         ///< splits dearer than a leaf that may follow one another; undone if they never pay
-    int max_depth = 0;           ///< levels of interior nodes; 0: 8 + 1.6 log2(n), at most depth_limit
+    int exact_below = 32;        ///< larger nodes choose their direction by bins, then sweep that one
+    bool clip = true;            ///< triangles are clipped to the cell; else their whole extents count
+    int bad_refines = 1;         ///< splits dearer than a leaf that may follow one another
+    bool retract = true;         ///< splits that did not pay in the end are undone
+    int max_depth = 0;           ///< levels of interior nodes; 0: depth_margin + 1.6 log2(n), at most depth_limit
+    double depth_margin = 8;     ///< see `max_depth`
     double max_references = 8.0; ///< cap on references per triangle, over the whole tree
 };
 

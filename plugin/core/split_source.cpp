@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "fixed_directions.h"
+
 namespace bsp {
 
 void add_distinct(std::vector<Direction> &directions, const Direction &direction) {
@@ -28,6 +30,17 @@ public:
     }
 };
 
+/// The same in every node.
+class FixedDirections final : public SplitSource {
+public:
+    explicit FixedDirections(std::vector<Direction> oblique) : m_oblique(std::move(oblique)) {}
+
+    std::vector<Direction> directions(const NodeTriangles &, int, Random) const override { return m_oblique; }
+
+private:
+    std::vector<Direction> m_oblique;
+};
+
 /// `count` different indices below `size`, or all of them, in random order (Floyd's sampling keeps it O(count^2)).
 std::vector<std::uint32_t> sample_indices(std::uint32_t size, std::uint32_t count, Random &random) {
     std::vector<std::uint32_t> chosen;
@@ -44,33 +57,62 @@ std::vector<std::uint32_t> sample_indices(std::uint32_t size, std::uint32_t coun
     return chosen;
 }
 
+/// `count` indices drawn with probabilities in proportion to the areas of the clipped triangles, with repetitions.
+std::vector<std::uint32_t> draw_by_area(const ReferenceList &references, std::uint32_t count, Random &random) {
+    std::vector<double> sums(references.size());
+    double total = 0;
+    for (std::size_t i = 0; i < references.size(); ++i)
+        sums[i] = total += references.area(i);
+    std::vector<std::uint32_t> drawn;
+    for (std::uint32_t i = 0; i < count && total > 0; ++i) {
+        const auto found = std::upper_bound(sums.begin(), sums.end() - 1, total * random.uniform());
+        drawn.push_back(std::uint32_t(found - sums.begin()));
+    }
+    return drawn;
+}
+
+/// At most `count` triangles of a node that stand for all of it.
+std::vector<std::uint32_t> sample(const NodeTriangles &node, std::uint32_t count, Weighting weighting, Random &random) {
+    return weighting == Weighting::area ? draw_by_area(node.references, count, random)
+                                        : sample_indices(std::uint32_t(node.references.size()), count, random);
+}
+
 Vec3d normal_of(const NodeTriangles &node, std::uint32_t index) {
-    return scaled_normal(node.set.triangles[node.ids[index]]);
+    return scaled_normal(node.set.triangles[node.references.ids[index]]);
 }
 
 /// The geometric normals of random triangles of the node: all of them when there are few. Many triangles share a normal
 /// (walls), so more are drawn than are wanted, and those seen before are left out.
 class TriangleNormals final : public SplitSource {
 public:
+    explicit TriangleNormals(Weighting weighting) : m_weighting(weighting) {}
+
     std::vector<Direction> directions(const NodeTriangles &node, int count, Random random) const override {
         constexpr std::uint32_t draws_per_direction = 4;
         std::vector<Direction> found;
         const std::uint32_t draws = draws_per_direction * std::uint32_t(count);
-        for (const std::uint32_t index : sample_indices(std::uint32_t(node.count), draws, random)) {
+        for (const std::uint32_t index : sample(node, draws, m_weighting, random)) {
             add_distinct(found, make_direction(normal_of(node, index)));
             if (found.size() == std::size_t(count))
                 break;
         }
         return found;
     }
+
+private:
+    Weighting m_weighting;
 };
 
 /// Centres of an axial k-means over the node's normals: a normal and its opposite are one direction, the centre of a
 /// cluster is the normalised sum of its normals turned to one side. Seeded by k-means++ (Arthur, Vassilvitskii 2007).
 class ClusteredNormals final : public SplitSource {
 public:
+    explicit ClusteredNormals(Weighting weighting) : m_weighting(weighting) {}
+
     std::vector<Direction> directions(const NodeTriangles &node, int count, Random random) const override {
         const std::vector<Vec3d> normals = sample_normals(node, random);
+        if (normals.empty())
+            return {};
         std::vector<Vec3d> centres = seed_centres(normals, count, random);
         for (int round = 0; round < max_rounds; ++round)
             if (!move_centres(normals, centres))
@@ -92,9 +134,9 @@ private:
         return std::max(0.0, 1 - cosine * cosine);
     }
 
-    static std::vector<Vec3d> sample_normals(const NodeTriangles &node, Random &random) {
+    std::vector<Vec3d> sample_normals(const NodeTriangles &node, Random &random) const {
         std::vector<Vec3d> normals;
-        for (const std::uint32_t index : sample_indices(std::uint32_t(node.count), max_samples, random)) {
+        for (const std::uint32_t index : sample(node, max_samples, m_weighting, random)) {
             const Vec3d normal = normal_of(node, index);
             normals.push_back(normal * (1 / norm(normal)));
         }
@@ -142,18 +184,25 @@ private:
         }
         return moved;
     }
+
+    Weighting m_weighting;
 };
 
 } // namespace
 
-std::unique_ptr<SplitSource> make_split_source(TreeKind tree) {
-    switch (tree) {
+std::unique_ptr<SplitSource> make_split_source(const Settings &settings) {
+    switch (settings.tree) {
+    case TreeKind::rbsp: {
+        std::vector<Direction> directions = fixed_directions(settings.directions, settings.k);
+        directions.erase(directions.begin(), directions.begin() + 3); // the axes policy sees to them
+        return std::make_unique<FixedDirections>(std::move(directions));
+    }
     case TreeKind::random:
         return std::make_unique<RandomDirections>();
     case TreeKind::normals:
-        return std::make_unique<TriangleNormals>();
+        return std::make_unique<TriangleNormals>(settings.weighting);
     case TreeKind::clustered:
-        return std::make_unique<ClusteredNormals>();
+        return std::make_unique<ClusteredNormals>(settings.weighting);
     case TreeKind::kd:
     case TreeKind::brute:
         return nullptr;

@@ -7,6 +7,7 @@
 
 #include "direction.h"
 #include "random.h"
+#include "references.h"
 #include "settings.h"
 #include "triangles.h"
 
@@ -15,8 +16,7 @@ namespace bsp {
 /// What a source may look at: the triangles of one node.
 struct NodeTriangles {
     const TriangleSet &set;
-    const std::uint32_t *ids; ///< distinct ids of valid triangles
-    std::size_t count;
+    const ReferenceList &references;
 };
 
 /// Answers, per node, which directions may be tried. It never sees costs; the sweep never sees sources. Called from
@@ -30,7 +30,7 @@ public:
 };
 
 /// The source of a tree; null for trees that have only the axes.
-std::unique_ptr<SplitSource> make_split_source(TreeKind tree);
+std::unique_ptr<SplitSource> make_split_source(const Settings &settings);
 
 /// Radians: directions nearer to one another than this are one.
 constexpr double same_direction_angle = 1e-3;

@@ -1,6 +1,7 @@
 #include "sweep.h"
 
 #include <algorithm>
+#include <array>
 
 #include "sorting.h"
 
@@ -71,6 +72,40 @@ std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cel
         }
         while (started < count && starts[started] <= offset)
             ++started;
+    }
+    return best;
+}
+
+std::optional<SweptPlane> estimate(const ReferenceList &references, const Cell &cell, const Direction &direction,
+                                   const CostModel &cost) {
+    static thread_local AreaProfile profile;
+    profile.reset(cell, direction);
+    constexpr std::size_t bins = 64;
+    const double lower = profile.lower(), width = (profile.upper() - lower) / bins;
+    if (!(width > 0))
+        return std::nullopt;
+    const auto bin_of = [&, per_width = 1 / width](double position) {
+        return std::size_t(std::clamp((position - lower) * per_width, 0.0, double(bins - 1)));
+    };
+    std::array<std::uint32_t, bins> starts{}, ends{};
+    for (std::size_t i = 0; i < references.size(); ++i) {
+        const auto [low, high] = references.extent(i, direction);
+        ++starts[bin_of(low)];
+        ++ends[bin_of(high)];
+    }
+
+    const double scale = cost.intersection_cost / cell.area();
+    std::optional<SweptPlane> best;
+    std::uint32_t below = 0, above = std::uint32_t(references.size());
+    for (std::size_t i = 1; i < bins; ++i) {
+        below += starts[i - 1];
+        above -= ends[i - 1];
+        const double offset = lower + width * double(i);
+        const auto [area_below, area_above] = profile.at(offset);
+        const double bonus = below == 0 || above == 0 ? cost.empty_bonus : 1.0;
+        const double price = bonus * scale * (area_below * below + area_above * above);
+        if (!best || price < best->cost)
+            best = SweptPlane{float(offset), false, below, above, price};
     }
     return best;
 }

@@ -14,4 +14,9 @@ namespace bsp {
 std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cell, const Direction &direction,
                                 const CostModel &cost);
 
+/// An estimate of what `sweep` would find, in O(n): the cheapest of 63 planes at equal distances. Its offset is not
+/// that of an end point; nothing if the direction has no extent. Meant to compare directions, not to cut along.
+std::optional<SweptPlane> estimate(const ReferenceList &references, const Cell &cell, const Direction &direction,
+                                   const CostModel &cost);
+
 } // namespace bsp

@@ -148,7 +148,43 @@ bool visit_leaf(const TriangleBlock *block, std::uint32_t count, const Test &tes
     }
 }
 
-template <bool has_oblique, Fault fault, typename Test, typename Query, typename Counting>
+/// Where a ray meets the planes of one direction: t = (offset - start) * inverse, give or take `slack`.
+struct Approach {
+    float start, inverse, slack;
+    bool downward; ///< the ray goes from above to below
+
+    template <Fault fault> static Approach along_axis(const RayFrame<fault> &frame, unsigned k) {
+        const bool downward = std::signbit(fault == Fault::signed_zero ? frame.d[k] : frame.inverse[k]);
+        return {frame.o[k], frame.inverse[k], frame.axis_slack[k], downward};
+    }
+
+    template <Fault fault> static Approach along(const RayFrame<fault> &frame, unsigned k, float a, float b) {
+        const unsigned i = next_axis[k], j = after_axis[k];
+        const float speed = frame.away_from_zero(fmadd(b, frame.d[j], fmadd(a, frame.d[i], frame.d[k])));
+        const float inverse = 1 / speed;
+        return {fmadd(b, frame.o[j], fmadd(a, frame.o[i], frame.o[k])), inverse,
+                frame.oblique_slack * std::abs(inverse), std::signbit(speed)};
+    }
+};
+
+/// What a ray knows of a layout's families of planes. Elsewhere there are none.
+template <Splits splits> struct FamilyTable {
+    template <Fault fault> FamilyTable(const RayFrame<fault> &, const BinaryLayout &) {}
+    Approach operator[](unsigned) const { return {}; }
+};
+template <> struct FamilyTable<Splits::families> {
+    template <Fault fault> FamilyTable(const RayFrame<fault> &frame, const BinaryLayout &layout) {
+        Approach *approach = m_approaches;
+        for (const Direction &direction : layout.families)
+            *approach++ = Approach::along(frame, direction.major, direction.a, direction.b);
+    }
+    const Approach &operator[](unsigned family) const { return m_approaches[family]; }
+
+private:
+    Approach m_approaches[NodeWord::max_families];
+};
+
+template <Splits splits, Fault fault, typename Test, typename Query, typename Counting>
 void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting counting) {
     if constexpr (Counting::counts)
         ++counting.counters.rays;
@@ -156,6 +192,7 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
     float entry = frame.entry, exit = frame.exit;
     if (!(entry <= exit))
         return;
+    const FamilyTable<splits> families(frame, layout);
     const Test test(ray);
 
     struct Pending {
@@ -171,31 +208,22 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
     for (;;) {
         const NodeWord word = words[at];
         if (!word.is_leaf()) {
-            float t, slack;
-            bool downward; // the ray goes from above to below
+            const bool is_axis = splits == Splits::axes || word.is_axis();
+            if constexpr (Counting::counts)
+                ++(is_axis ? counting.counters.axis_steps : counting.counters.oblique_steps);
+            Approach approach;
             std::uint32_t below = at + 1;
-            if (!has_oblique || word.is_axis()) {
-                if constexpr (Counting::counts)
-                    ++counting.counters.axis_steps;
-                const unsigned k = word.axis();
-                t = (word.offset() - frame.o[k]) * frame.inverse[k];
-                slack = frame.axis_slack[k];
-                downward = std::signbit(fault == Fault::signed_zero ? frame.d[k] : frame.inverse[k]);
+            if (is_axis) {
+                approach = Approach::along_axis(frame, word.axis());
+            } else if constexpr (splits == Splits::families) {
+                approach = families[word.family_index()];
             } else {
-                if constexpr (Counting::counts)
-                    ++counting.counters.oblique_steps;
-                ++below;
-                const NodeWord slopes = words[at + 1];
-                const unsigned k = word.axis(), i = next_axis[k], j = after_axis[k];
-                const float along =
-                    frame.away_from_zero(fmadd(slopes.b(), frame.d[j], fmadd(slopes.a(), frame.d[i], frame.d[k])));
-                const float start = fmadd(slopes.b(), frame.o[j], fmadd(slopes.a(), frame.o[i], frame.o[k]));
-                const float inverse = 1 / along;
-                t = (word.offset() - start) * inverse;
-                slack = frame.oblique_slack * std::abs(inverse);
-                downward = std::signbit(along);
+                const NodeWord slopes = words[below++];
+                approach = Approach::along(frame, word.axis(), slopes.a(), slopes.b());
             }
-            const std::uint32_t first = downward ? word.index() : below, second = downward ? below : word.index();
+            const float t = (word.offset() - approach.start) * approach.inverse, slack = approach.slack;
+            const std::uint32_t first = approach.downward ? word.index() : below,
+                                second = approach.downward ? below : word.index();
             if (t + slack < entry || (fault == Fault::wrong_side && t <= entry)) {
                 at = second;
             } else if (t - slack > exit) {

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "direction.h"
+#include "fixed_directions.h"
 #include "helpers.h"
 #include "random.h"
 #include "split_source.h"
@@ -31,7 +32,12 @@ TEST(Direction, NearAnAxisIsTheAxis) {
     EXPECT_FALSE(nearly_parallel(make_direction({1, 1, 0}), make_direction({1, -1, 0}), 1e-3));
 }
 
-NodeTriangles all_of(const TriangleSet &set) { return {set, set.valid.data(), set.valid.size()}; }
+/// The directions of a tree's source for all triangles of a set.
+std::vector<Direction> directions_of(const char *tree, const TriangleSet &set, int count, std::uint64_t seed,
+                                     const Options &options = {}) {
+    const ReferenceList references = make_references(set);
+    return make_split_source(make_settings(tree, options))->directions({set, references}, count, Random(seed));
+}
 
 /// Triangles of three orientations, many of each.
 TriangleSet three_orientations() {
@@ -51,7 +57,7 @@ TriangleSet three_orientations() {
 
 TEST(SplitSource, NormalsAreThoseOfTheTriangles) {
     const TriangleSet set = three_orientations();
-    const auto found = make_split_source(TreeKind::normals)->directions(all_of(set), 6, Random(5));
+    const auto found = directions_of("normals", set, 6, 5);
     ASSERT_EQ(found.size(), 2u); // distinct ones only: a normal and its opposite are one direction
     const Direction first = make_direction({0, -1, 1}), second = make_direction({2, 0, -1});
     EXPECT_TRUE((found[0] == first && found[1] == second) || (found[0] == second && found[1] == first));
@@ -59,7 +65,7 @@ TEST(SplitSource, NormalsAreThoseOfTheTriangles) {
 
 TEST(SplitSource, ClustersFindTheOrientations) {
     const TriangleSet set = three_orientations();
-    const auto found = make_split_source(TreeKind::clustered)->directions(all_of(set), 5, Random(6));
+    const auto found = directions_of("clustered", set, 5, 6);
     ASSERT_EQ(found.size(), 2u);
     for (const Vec3d &expected : {Vec3d{0, -1, 1}, Vec3d{2, 0, -1}})
         EXPECT_TRUE(nearly_parallel(found[0], make_direction(expected), 1e-4) ||
@@ -70,7 +76,7 @@ TEST(SplitSource, RandomDirectionsFillTheSphere) {
     const TriangleSet set = random_soup(5, 7);
     int majors[3] = {};
     for (std::uint64_t seed = 0; seed < 300; ++seed)
-        for (const Direction &d : make_split_source(TreeKind::random)->directions(all_of(set), 4, Random(seed)))
+        for (const Direction &d : directions_of("random", set, 4, seed))
             ++majors[d.major];
     for (const int count : majors)
         EXPECT_NEAR(count, 400, 60);
@@ -78,14 +84,47 @@ TEST(SplitSource, RandomDirectionsFillTheSphere) {
 
 TEST(SplitSource, SameSeedSameDirections) {
     const TriangleSet set = random_soup(500, 8);
-    for (const TreeKind tree : {TreeKind::random, TreeKind::normals, TreeKind::clustered}) {
-        const auto source = make_split_source(tree);
-        const auto once = source->directions(all_of(set), 6, Random(9)),
-                   again = source->directions(all_of(set), 6, Random(9));
-        EXPECT_EQ(once, again);
+    for (const char *tree : {"random", "normals", "clustered"}) {
+        const auto once = directions_of(tree, set, 6, 9);
+        EXPECT_EQ(once, directions_of(tree, set, 6, 9));
         EXPECT_EQ(once.size(), 6u);
-        EXPECT_NE(once, source->directions(all_of(set), 6, Random(10)));
+        EXPECT_NE(once, directions_of(tree, set, 6, 10));
     }
+}
+
+TEST(SplitSource, AreaWeightingPrefersLargeTriangles) {
+    std::vector<Triangle> triangles;
+    Random random(11);
+    for (int i = 0; i < 200; ++i) {
+        const Vec3f p = random_point(random);
+        const float size = i == 77 ? 1000.f : 0.01f;
+        const Vec3f tilt = i == 77 ? Vec3f{0, 1, 1} : Vec3f{0, 1, 0.01f * float(i)};
+        triangles.push_back({p, p + Vec3f{size, 0, 0}, p + tilt * size});
+    }
+    const TriangleSet set = make_set(triangles);
+    const Direction large = make_direction({0, -1, 1});
+    for (const char *tree : {"normals", "clustered"}) {
+        const auto found = directions_of(tree, set, 1, 12, {{"weighting", "area"}});
+        ASSERT_EQ(found.size(), 1u) << tree;
+        EXPECT_TRUE(nearly_parallel(found[0], large, 1e-3)) << tree;
+    }
+}
+
+TEST(FixedDirections, SetsOfThePapers) {
+    for (const int k : {3, 7, 9, 13}) {
+        const auto directions = fixed_directions(DirectionSet::kdop, k);
+        EXPECT_EQ(directions.size(), std::size_t(k));
+    }
+    for (int k = 3; k <= 32; ++k) {
+        const auto directions = fixed_directions(DirectionSet::spiral, k);
+        ASSERT_EQ(directions.size(), std::size_t(k));
+        for (std::size_t i = 0; i < directions.size(); ++i)
+            for (std::size_t j = 0; j < i; ++j)
+                EXPECT_FALSE(nearly_parallel(directions[i], directions[j], 0.01)) << k << ": " << i << ", " << j;
+    }
+    const auto diagonals = fixed_directions(DirectionSet::kdop, 7);
+    EXPECT_EQ(diagonals[3], (Direction{0, 1, 1}));
+    EXPECT_EQ(diagonals[6], (Direction{0, -1, -1}));
 }
 
 } // namespace

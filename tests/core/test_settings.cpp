@@ -17,6 +17,16 @@ std::string message_of(const std::string &tree, const Options &options) {
     return "";
 }
 
+std::string text_of(const SettingValue &value) {
+    if (const auto *flag = std::get_if<bool>(&value))
+        return *flag ? "true" : "false";
+    if (const auto *word = std::get_if<std::string>(&value))
+        return *word;
+    if (const auto *number = std::get_if<double>(&value))
+        return std::to_string(*number);
+    return std::to_string(std::get<std::int64_t>(value));
+}
+
 TEST(Settings, DefaultsAndOptions) {
     const Settings s = make_settings("normals", {{"k", "8"}, {"axes", "plain"}, {"seed", "7"}, {"alpha", "0.25"}});
     EXPECT_EQ(s.tree, TreeKind::normals);
@@ -28,7 +38,8 @@ TEST(Settings, DefaultsAndOptions) {
 }
 
 TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
-    EXPECT_EQ(message_of("bvh", {}), "there is no tree 'bvh': the trees are kd, random, normals, clustered, brute");
+    EXPECT_EQ(message_of("bvh", {}),
+              "there is no tree 'bvh': the trees are kd, rbsp, random, normals, clustered, brute");
     EXPECT_EQ(message_of("normals", {{"axes", "slow"}}), "axes=slow is not valid: axes is one of none, plain, fast");
     for (const char *k : {"0", "1000", "33", "-1", "2.5", "six", "", "6x", "nan", "1e400"})
         EXPECT_EQ(message_of("random", {{"k", k}}),
@@ -48,17 +59,38 @@ TEST(Settings, AxesCountAmongTheDirections) {
     EXPECT_EQ(message_of("normals", {{"axes", "none"}, {"k", "1"}}), "");
 }
 
+TEST(Settings, FixedDirectionsHaveSetsOfTheirOwn) {
+    EXPECT_EQ(make_settings("rbsp", {}).k, 13);
+    for (const char *k : {"3", "7", "9", "13"})
+        EXPECT_EQ(message_of("rbsp", {{"k", k}}), "");
+    EXPECT_EQ(message_of("rbsp", {{"k", "8"}}),
+              "k=8 is not valid with directions=kdop: its sets have 3, 7, 9 or 13 directions; directions=spiral takes "
+              "any k from 3 to 32");
+    EXPECT_EQ(message_of("rbsp", {{"k", "8"}, {"directions", "spiral"}}), "");
+    EXPECT_NE(message_of("rbsp", {{"k", "2"}, {"directions", "spiral"}}), "");
+    EXPECT_NE(message_of("rbsp", {{"axes", "none"}}).find("axes is plain or fast"), std::string::npos);
+    EXPECT_NE(message_of("rbsp", {{"seed", "1"}}), "");
+    EXPECT_NE(message_of("normals", {{"directions", "kdop"}}), "");
+}
+
+TEST(Settings, PresetsAreDefaultsWhereverTheyStand) {
+    const Settings thesis = make_settings("normals", {{"alpha", "0.2"}, {"clip", "true"}, {"cost", "thesis"}});
+    EXPECT_EQ(thesis.cost.intersection_cost, 80);
+    EXPECT_EQ(thesis.cost.oblique_price, ObliquePrice::linear);
+    EXPECT_EQ(thesis.cost.alpha, 0.2);
+    EXPECT_TRUE(thesis.clip);
+    EXPECT_FALSE(thesis.retract || thesis.cost.retry);
+    EXPECT_TRUE(make_settings("normals", {{"cost", "ize"}}).cost.retry);
+    EXPECT_NE(message_of("kd", {{"cost", "cheap"}}).find("one of measured, thesis, ize"), std::string::npos);
+}
+
 TEST(Settings, FullSpecSaysEverythingAndIsASpec) {
     const Settings s = make_settings("clustered", {{"k", "5"}, {"alpha", "0.05"}});
     const std::string text = full_spec(s);
-    EXPECT_EQ(text.substr(0, 25), "clustered:k=5,axes=fast,s");
+    EXPECT_EQ(text.substr(0, 33), "clustered:k=5,axes=fast,weighting");
     Options options;
     for (const auto &[name, value] : list_settings(s))
-        options.emplace_back(name, std::holds_alternative<std::string>(value)
-                                       ? std::get<std::string>(value)
-                                       : (std::holds_alternative<double>(value)
-                                              ? std::to_string(std::get<double>(value))
-                                              : std::to_string(std::get<std::int64_t>(value))));
+        options.emplace_back(name, text_of(value));
     EXPECT_EQ(full_spec(make_settings("clustered", options)), text);
     EXPECT_EQ(settings_help("clustered").size(), list_settings(s).size());
 }

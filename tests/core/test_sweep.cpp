@@ -124,6 +124,19 @@ TEST(Sweep, EqualsExhaustiveSearch) {
     }
 }
 
+TEST(Sweep, EstimateIsNearTheExactPrice) {
+    const TriangleSet set = random_soup(2000, 21);
+    const Cell cell(root_box(set));
+    const ReferenceList references = make_references(set);
+    for (const Vec3d &vector : {Vec3d{1, 0, 0}, Vec3d{1, 2, 3}, Vec3d{-1, 1, 0}}) {
+        const Direction direction = make_direction(vector);
+        const auto exact = sweep(references, cell, direction, {}), likely = estimate(references, cell, direction, {});
+        ASSERT_TRUE(exact && likely);
+        EXPECT_GE(likely->cost, exact->cost * (1 - 1e-9));
+        EXPECT_LE(likely->cost, exact->cost * 1.05);
+    }
+}
+
 TEST(References, PartsCoverTheWhole) {
     const ReferenceList references = make_references(random_soup(200, 3));
     const Direction direction = make_direction({1, 0.3, -0.7});

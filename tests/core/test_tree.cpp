@@ -20,6 +20,11 @@ std::vector<Settings> all_settings() {
     for (const char *tree : {"random", "normals", "clustered"})
         for (const char *axes : {"none", "plain", "fast"})
             all.push_back(make_settings(tree, {{"axes", axes}}));
+    for (const char *axes : {"plain", "fast"})
+        all.push_back(make_settings("rbsp", {{"axes", axes}}));
+    for (const char *tree : {"kd", "rbsp", "normals"})
+        for (const char *cost : {"thesis", "ize"})
+            all.push_back(make_settings(tree, {{"cost", cost}}));
     return all;
 }
 
@@ -89,8 +94,9 @@ TEST(Tree, SameBytesOnAnyNumberOfThreads) {
                             layout.blocks.size() * sizeof(TriangleBlock));
     };
     const std::uint32_t usual = pool_size();
-    for (const Settings &settings : {make_settings("kd", {}), make_settings("normals", {{"k", "5"}}),
-                                     make_settings("clustered", {{"axes", "none"}, {"k", "2"}})}) {
+    for (const Settings &settings :
+         {make_settings("kd", {}), make_settings("normals", {{"k", "5"}}), make_settings("rbsp", {}),
+          make_settings("clustered", {{"axes", "none"}, {"k", "2"}})}) {
         pool_set_size(nullptr, 1);
         const std::string one = bytes_of(settings);
         for (const std::uint32_t threads : {2u, 8u}) {
@@ -114,9 +120,9 @@ TEST(Tree, AxisAlignedSplitsNeedNoPlaneNodes) {
     const TriangleSet set = random_soup(500, 15);
     for (const char *axes : {"plain", "fast"}) {
         const Tree tree = build_tree(set, make_settings("normals", {{"k", "3"}, {"axes", axes}}));
-        EXPECT_FALSE(pack_binary(tree, set).has_oblique) << axes;
+        EXPECT_EQ(pack_binary(tree, set).splits, Splits::axes) << axes;
     }
-    EXPECT_TRUE(pack_binary(build_tree(set, make_settings("normals", {})), set).has_oblique);
+    EXPECT_NE(pack_binary(build_tree(set, make_settings("normals", {})), set).splits, Splits::axes);
 }
 
 /// The linear price forbids oblique planes in this node, though one would beat the leaf: only the second attempt, at
@@ -130,14 +136,34 @@ TEST(Tree, SecondAttemptAtTheConstantPriceDecides) {
         strips.push_back({{s + 20, 20, 0}, {s + 20, 20, 20}, {s, 0, 20}});
     }
     const TriangleSet set = make_set(strips);
-    const auto oblique_nodes = [&](const char *price, const char *alpha) {
-        const Settings settings =
-            make_settings("normals", {{"oblique_price", price}, {"alpha", alpha}, {"axes", "none"}});
+    const auto oblique_nodes = [&](const char *price, const char *alpha, const char *retry = "true") {
+        const Settings settings = make_settings(
+            "normals",
+            {{"oblique_price", price}, {"alpha", alpha}, {"axes", "none"}, {"retry", retry}, {"bad_refines", "0"}});
         return make_accelerator(set, settings)->statistics().oblique_nodes;
     };
     // With alpha = 2 the linear price of any split of n triangles is above the leaf's price of n tests.
     EXPECT_GT(oblique_nodes("linear", "2"), 0u);
     EXPECT_EQ(oblique_nodes("linear", "2"), oblique_nodes("constant", "2"));
+    EXPECT_EQ(oblique_nodes("linear", "2", "false"), 0u);
+}
+
+TEST(Tree, FewDirectionsAreFamiliesOfPlanes) {
+    const TriangleSet set = random_soup(2000, 15);
+    const BinaryLayout rbsp = pack_binary(build_tree(set, make_settings("rbsp", {{"axes", "plain"}})), set);
+    EXPECT_EQ(rbsp.splits, Splits::families);
+    EXPECT_EQ(rbsp.families.size(), 13u);
+    EXPECT_EQ(pack_binary(build_tree(set, make_settings("random", {})), set).splits, Splits::planes);
+}
+
+TEST(Tree, UnclippedTrianglesAreListedInMoreLeaves) {
+    const TriangleSet set = random_soup(1000, 19);
+    const auto references = [&](const char *clip) {
+        const Tree tree = build_tree(set, make_settings("kd", {{"clip", clip}}));
+        EXPECT_EQ(validate(tree, set), "");
+        return tree.references.size();
+    };
+    EXPECT_GT(references("false"), references("true"));
 }
 
 TEST(Tree, RaysThatAreNotRaysHitNothing) {

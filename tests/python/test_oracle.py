@@ -12,13 +12,25 @@ from mitsuba_bsp.verification.rays import FAMILIES, interior_rays
 
 RAYS_PER_FAMILY = 10_000  #: times 9 families, times 12 meshes: 1.08 million rays a spec
 AXES = ("none", "plain", "fast")
-#: Every tree there is, a new one included, with every axes policy it has.
+
+
+def is_valid(tree: str, options: dict[str, str]) -> bool:
+    try:
+        _core.settings(tree, options)
+    except ValueError:
+        return False
+    return True
+
+
+#: Every tree there is, a new one included, with every axes policy it has, and those that leave the usual rules.
 SPECS = [
     (tree, {"axes": axes} if axes else {})
     for tree in _core.trees()
     if tree != "brute"
     for axes in (AXES if "axes" in _core.settings(tree, {}) else ("",))
+    if not axes or is_valid(tree, {"axes": axes})
 ]
+SPECS += [("rbsp", {"directions": "spiral", "k": "8"}), ("normals", {"cost": "thesis"}), ("kd", {"cost": "thesis"})]
 SPEC_IDS = [":".join([tree, *options.values()]) for tree, options in SPECS]
 
 
