@@ -68,22 +68,29 @@ private:
     std::vector<Entry> m_triangles;
 };
 
-template <typename Test> std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings) {
+double seconds_since(std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+template <typename Test>
+std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     Statistics statistics = describe(set, settings);
     if (settings.tree == TreeKind::brute)
         return std::make_unique<BruteForce<Test>>(set, std::move(statistics));
     const auto start = std::chrono::steady_clock::now();
-    const Tree tree = build_tree(set, settings);
+    Tree tree = build_tree(set, settings, monitor);
+    const auto built = std::chrono::steady_clock::now();
     BinaryLayout layout = pack_binary(tree, set);
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    statistics.build_s = elapsed.count();
+    tree.phases.pack_s = seconds_since(built);
+    statistics.build_s = seconds_since(start);
     return make_binary_tree<Test, Fault::none>(std::move(layout), tree, set, std::move(statistics));
 }
 
 } // namespace
 
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings) {
-    return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings) : make<MtTest>(set, settings);
+std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
+    return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings, monitor)
+                                                        : make<MtTest>(set, settings, monitor);
 }
 
 } // namespace bsp

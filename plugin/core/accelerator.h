@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "build_monitor.h"
 #include "ray.h"
 #include "settings.h"
 #include "tree.h"
@@ -23,10 +24,14 @@ struct Statistics {
     std::size_t triangles = 0, dropped_triangles = 0;
     std::size_t nodes = 0, interior_nodes = 0, axis_nodes = 0, oblique_nodes = 0;
     std::size_t leaves = 0, empty_leaves = 0, references = 0;
+    std::size_t capped_leaves = 0; ///< leaves that would have been split, but for `max_references` or `max_depth`
     int max_depth = 0;
     std::size_t bytes = 0;
     double sah_cost = 0;
     double build_s = 0;
+    std::vector<LevelCounts> levels;     ///< from the root down
+    std::vector<std::size_t> leaf_sizes; ///< leaves by their number of triangles; the last entry: that many or more
+    BuildPhases phases;
 };
 
 /// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw. A
@@ -51,7 +56,9 @@ protected:
     Bounds m_bounds;
 };
 
-/// Builds what the settings say. The set may be destroyed afterwards. Throws std::bad_alloc or std::length_error.
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings);
+/// Builds what the settings say. The set may be destroyed afterwards. Throws std::bad_alloc, std::length_error, or
+/// BuildCancelled if the monitor says so.
+std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
+                                              BuildMonitor *monitor = nullptr);
 
 } // namespace bsp

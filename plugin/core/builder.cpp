@@ -1,12 +1,14 @@
 #include "builder.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <memory>
 #include <optional>
 
 #include "cell.h"
 #include "parallel.h"
+#include "plane_survey.h"
 #include "references.h"
 #include "split_source.h"
 #include "sweep.h"
@@ -14,6 +16,7 @@
 namespace bsp {
 namespace {
 
+constexpr std::size_t estimated_planes = 63;           ///< per direction, by `estimate`
 constexpr std::size_t parallel_sweep_size = 1 << 15;   ///< from here on, directions are swept by different threads
 constexpr std::size_t parallel_subtree_size = 1 << 11; ///< from here on, children are built by different threads
 
@@ -24,6 +27,7 @@ struct NodeWork {
     int depth = 0;
     int bad_refines = 0; ///< splits dearer than their leaf that may still follow
     double budget = 0;   ///< references the leaves below may list together
+    double share = 1;    ///< of the whole work
     std::uint64_t seed = 0;
 };
 
@@ -34,10 +38,40 @@ struct Split {
     double price = HUGE_VAL; ///< of the step and the children's triangles
 };
 
+/// Adds the seconds it lives to a sum.
+class Stopwatch {
+public:
+    explicit Stopwatch(double &sum) : m_sum(sum) {}
+    ~Stopwatch() {
+        const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - m_start;
+        m_sum += elapsed.count();
+    }
+    Stopwatch(const Stopwatch &) = delete;
+    Stopwatch &operator=(const Stopwatch &) = delete;
+
+private:
+    double &m_sum;
+    std::chrono::steady_clock::time_point m_start = std::chrono::steady_clock::now();
+};
+
+void merge(const std::vector<LevelCounts> &more, std::vector<LevelCounts> &levels) {
+    levels.resize(std::max(levels.size(), more.size()));
+    for (std::size_t depth = 0; depth < more.size(); ++depth)
+        levels[depth].planes += more[depth].planes;
+}
+
+void merge(const BuildPhases &more, BuildPhases &phases) {
+    phases.directions_s += more.directions_s;
+    phases.estimates_s += more.estimates_s;
+    phases.sweeps_s += more.sweeps_s;
+    phases.partition_s += more.partition_s;
+}
+
 class Builder {
 public:
-    Builder(const TriangleSet &set, const Settings &settings)
-        : m_set(set), m_settings(settings), m_source(make_split_source(settings)) {
+    Builder(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor, PlaneSurvey *survey)
+        : m_set(set), m_settings(settings), m_source(make_split_source(settings)), m_monitor(monitor),
+          m_survey(survey) {
         const double count = std::max<double>(1, double(set.valid.size()));
         m_max_depth = settings.max_depth > 0
                           ? settings.max_depth
@@ -57,22 +91,24 @@ public:
 private:
     /// Appends the subtree to `tree` and returns its price relative to a ray that meets the node's cell.
     double build_node(NodeWork node, Tree &tree) const {
+        if (m_monitor)
+            m_monitor->check();
         const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
         std::optional<Split> split;
-        const bool may_pay =
-            !m_settings.retract || leaf_price > std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
-        if (may_pay && node.references.size() > std::size_t(m_settings.leaf_size) && node.depth < m_max_depth)
-            split = choose_split(node);
-        if (!split || double(split->plane.below) + split->plane.above > node.budget)
-            return add_leaf(node.references.ids, leaf_price, tree);
-        if (split->price >= leaf_price && (--node.bad_refines < 0 || is_hopeless(*split, node)))
-            return add_leaf(node.references.ids, leaf_price, tree);
+        if (may_split(node, leaf_price, tree))
+            split = choose_split(node, tree);
+        if (split && double(split->plane.below) + split->plane.above > node.budget) {
+            ++tree.capped_leaves;
+            split.reset();
+        }
+        if (!split || (split->price >= leaf_price && (--node.bad_refines < 0 || is_hopeless(*split, node))))
+            return add_leaf(node, leaf_price, tree);
         auto cells = node.cell.split(split->direction, split->plane.offset);
         if (!cells)
-            return add_leaf(node.references.ids, leaf_price, tree);
+            return add_leaf(node, leaf_price, tree);
 
         const double area = node.cell.area(), area_below = cells->first.area(), area_above = cells->second.area();
-        auto [below, above] = make_children(node, *split, std::move(*cells));
+        auto [below, above] = make_children(node, *split, std::move(*cells), tree);
         const std::vector<std::uint32_t> ids = std::move(node.references.ids);
         node.references = {};
 
@@ -84,7 +120,17 @@ private:
             return price;
         tree.nodes.resize(start); // the splits never paid: a leaf after all
         tree.references.resize(first_reference);
-        return add_leaf(ids, leaf_price, tree);
+        append_leaf(ids, tree);
+        return leaf_price;
+    }
+
+    bool may_split(const NodeWork &node, double leaf_price, Tree &tree) const {
+        const bool may_pay =
+            !m_settings.retract || leaf_price > std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
+        if (!may_pay || node.references.size() <= std::size_t(m_settings.leaf_size))
+            return false;
+        tree.capped_leaves += node.depth >= m_max_depth;
+        return node.depth < m_max_depth;
     }
 
     /// Bad splits are mended by retracting them; where that is off, the rule of the published code keeps the worst out.
@@ -93,13 +139,19 @@ private:
         return !m_settings.retract && count < 16 && split.price > 4 * m_settings.cost.intersection_cost * count;
     }
 
-    double add_leaf(const std::vector<std::uint32_t> &ids, double price, Tree &tree) const {
+    double add_leaf(const NodeWork &node, double price, Tree &tree) const {
+        append_leaf(node.references.ids, tree);
+        if (m_monitor)
+            m_monitor->finish(node.share);
+        return price;
+    }
+
+    static void append_leaf(const std::vector<std::uint32_t> &ids, Tree &tree) {
         TreeNode leaf;
         leaf.first = std::uint32_t(tree.references.size());
         leaf.count = std::uint32_t(ids.size());
         tree.references.insert(tree.references.end(), ids.begin(), ids.end());
         tree.nodes.push_back(leaf);
-        return price;
     }
 
     double step_price(TreeNode::Kind kind) const {
@@ -128,29 +180,63 @@ private:
                                                                           : TreeNode::Kind::oblique;
     }
 
-    using Sweep = decltype(sweep);
-
     /// The cheapest plane of all directions; ties go to the direction listed first.
-    std::optional<Split> choose_split(const NodeWork &node) const {
-        const std::vector<Direction> directions = directions_of(node);
+    std::optional<Split> choose_split(const NodeWork &node, Tree &tree) const {
+        std::vector<Direction> directions;
+        {
+            const Stopwatch stopwatch(tree.phases.directions_s);
+            directions = directions_of(node);
+        }
         const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
         if (node.references.size() > std::size_t(m_settings.exact_below)) {
-            const std::optional<Split> likely = cheapest_of(directions, node, estimate);
+            const std::optional<Split> likely = cheapest_estimate(directions, node, tree);
             if (likely && likely->price < leaf_price) {
-                const std::optional<Split> split = cheapest_of({likely->direction}, node, sweep);
+                const std::optional<Split> split = cheapest_sweep({likely->direction}, node, tree);
                 if (split && split->price < leaf_price)
                     return split;
             }
         }
-        return cheapest_of(directions, node, sweep);
+        return cheapest_sweep(directions, node, tree);
     }
 
+    std::optional<Split> cheapest_estimate(const std::vector<Direction> &directions, const NodeWork &node,
+                                           Tree &tree) const {
+        const Stopwatch stopwatch(tree.phases.estimates_s);
+        count_planes(node.depth, directions.size() * estimated_planes, tree);
+        return cheapest_of(directions, node, [&](const Direction &direction) {
+            return estimate(node.references, node.cell, direction, m_settings.cost);
+        });
+    }
+
+    std::optional<Split> cheapest_sweep(const std::vector<Direction> &directions, const NodeWork &node,
+                                        Tree &tree) const {
+        const Stopwatch stopwatch(tree.phases.sweeps_s);
+        count_planes(node.depth, directions.size() * 2 * node.references.size(), tree);
+        return cheapest_of(directions, node, [&](const Direction &direction) {
+            std::vector<float> offsets;
+            const auto plane =
+                sweep(node.references, node.cell, direction, m_settings.cost, m_survey ? &offsets : nullptr);
+            if (m_survey)
+                m_survey->add(node.depth, direction, offsets);
+            return plane;
+        });
+    }
+
+    static void count_planes(int depth, std::size_t count, Tree &tree) {
+        tree.levels.resize(std::max(tree.levels.size(), std::size_t(depth) + 1));
+        tree.levels[std::size_t(depth)].planes += count;
+    }
+
+    template <typename PriceDirection>
     std::optional<Split> cheapest_of(const std::vector<Direction> &directions, const NodeWork &node,
-                                     Sweep &price_direction) const {
+                                     const PriceDirection &price_direction) const {
         std::vector<std::optional<SweptPlane>> planes(directions.size());
         const auto price_range = [&](std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i)
-                planes[i] = price_direction(node.references, node.cell, directions[i], m_settings.cost);
+            for (std::size_t i = begin; i < end; ++i) {
+                if (m_monitor)
+                    m_monitor->check();
+                planes[i] = price_direction(directions[i]);
+            }
         };
         if (node.references.size() >= parallel_sweep_size)
             parallel_for(directions.size(), 1, price_range);
@@ -185,16 +271,23 @@ private:
         return best;
     }
 
-    std::pair<NodeWork, NodeWork> make_children(const NodeWork &node, const Split &split,
-                                                std::pair<Cell, Cell> cells) const {
+    std::pair<NodeWork, NodeWork> make_children(const NodeWork &node, const Split &split, std::pair<Cell, Cell> cells,
+                                                Tree &tree) const {
+        const Stopwatch stopwatch(tree.phases.partition_s);
         auto [below, above] = split_references(node.references, split.direction, split.plane, m_settings.clip);
         const double total = std::max(1.0, double(below.size() + above.size()));
-        const double share_below = node.budget * double(below.size()) / total;
-        const double share_above = node.budget * double(above.size()) / total;
-        return {NodeWork{std::move(below), std::move(cells.first), node.depth + 1, node.bad_refines, share_below,
-                         child_seed(node.seed, false)},
-                NodeWork{std::move(above), std::move(cells.second), node.depth + 1, node.bad_refines, share_above,
-                         child_seed(node.seed, true)}};
+        const auto child = [&](ReferenceList references, Cell cell, bool is_above) {
+            const double part = double(references.size()) / total;
+            return NodeWork{std::move(references),
+                            std::move(cell),
+                            node.depth + 1,
+                            node.bad_refines,
+                            node.budget * part,
+                            node.share * part,
+                            child_seed(node.seed, is_above)};
+        };
+        return {child(std::move(below), std::move(cells.first), false),
+                child(std::move(above), std::move(cells.second), true)};
     }
 
     std::pair<double, double> build_children(NodeWork below, NodeWork above, std::size_t parent, Tree &tree) const {
@@ -215,6 +308,9 @@ private:
     }
 
     static void append(const Tree &part, Tree &tree) {
+        merge(part.levels, tree.levels);
+        merge(part.phases, tree.phases);
+        tree.capped_leaves += part.capped_leaves;
         const std::uint32_t node_shift = std::uint32_t(tree.nodes.size());
         const std::uint32_t reference_shift = std::uint32_t(tree.references.size());
         for (TreeNode node : part.nodes) {
@@ -228,19 +324,27 @@ private:
     const TriangleSet &m_set;
     const Settings m_settings;
     const std::unique_ptr<SplitSource> m_source;
+    BuildMonitor *const m_monitor;
+    PlaneSurvey *const m_survey;
     int m_max_depth;
 };
 
-int depth_of(const Tree &tree) {
-    std::vector<int> depth(tree.nodes.size(), 0);
-    int deepest = 0;
+/// Fills in what the finished nodes say about the depths of the tree.
+void describe_levels(Tree &tree) {
+    std::vector<std::size_t> depth(tree.nodes.size(), 0);
     for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
-        if (tree.nodes[i].kind == TreeNode::Kind::leaf)
+        const TreeNode &node = tree.nodes[i];
+        tree.levels.resize(std::max(tree.levels.size(), depth[i] + 1));
+        LevelCounts &level = tree.levels[depth[i]];
+        level.axis_nodes += node.kind == TreeNode::Kind::axis;
+        level.oblique_nodes += node.kind == TreeNode::Kind::oblique;
+        level.leaves += node.kind == TreeNode::Kind::leaf;
+        level.references += node.count;
+        if (node.kind == TreeNode::Kind::leaf)
             continue;
-        depth[i + 1] = depth[tree.nodes[i].above] = depth[i] + 1;
-        deepest = std::max(deepest, depth[i] + 1);
+        depth[i + 1] = depth[node.above] = depth[i] + 1;
+        tree.depth = std::max(tree.depth, int(depth[i]) + 1);
     }
-    return deepest;
 }
 
 } // namespace
@@ -260,11 +364,18 @@ Bounds root_box(const TriangleSet &set) {
     return box;
 }
 
-Tree build_tree(const TriangleSet &set, const Settings &settings) {
+Tree build_tree(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     const StandardFloats floats;
-    Tree tree = Builder(set, settings).build();
-    tree.depth = depth_of(tree);
+    Tree tree = Builder(set, settings, monitor, nullptr).build();
+    describe_levels(tree);
     return tree;
+}
+
+std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings) {
+    const StandardFloats floats;
+    PlaneSurvey survey;
+    Builder(set, settings, nullptr, &survey).build();
+    return survey.counts();
 }
 
 } // namespace bsp

@@ -35,7 +35,7 @@ struct Events {
 } // namespace
 
 std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cell, const Direction &direction,
-                                const CostModel &cost) {
+                                const CostModel &cost, std::vector<float> *offsets) {
     static thread_local Events events; // reused, as the profile below: a node is swept many times
     events.collect(references, direction);
     const auto &[starts, ends, planar, scratch] = events;
@@ -64,6 +64,8 @@ std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cel
             ++in_plane;
         }
         if (profile.lower() < offset && offset < profile.upper()) {
+            if (offsets)
+                offsets->push_back(offset);
             const auto [area_below, area_above] = profile.at(offset);
             const std::uint32_t below = started, above = count - ended;
             consider(offset, false, below, above + in_plane, area_below, area_above);

@@ -19,11 +19,25 @@ struct TreeNode {
     std::uint32_t first = 0, count = 0; ///< leaf: its part of `Tree::references`
 };
 
+/// What was looked at and made at one depth; the root's is 0.
+struct LevelCounts {
+    std::size_t axis_nodes = 0, oblique_nodes = 0, leaves = 0, references = 0;
+    std::size_t planes = 0; ///< whose price was computed, in nodes that became leaves too
+};
+
+/// Where the time of building went, in seconds, summed over the threads that build nodes.
+struct BuildPhases {
+    double directions_s = 0, estimates_s = 0, sweeps_s = 0, partition_s = 0, pack_s = 0;
+};
+
 struct Tree {
     std::vector<TreeNode> nodes;           ///< depth first; the root is nodes[0]
     std::vector<std::uint32_t> references; ///< triangle ids of the leaves, ascending within a leaf
     double sah_cost = 0;                   ///< expected price of a random ray that meets the root's cell
     int depth = 0;                         ///< interior nodes on the longest path
+    std::size_t capped_leaves = 0;         ///< leaves that a cap on references or depth kept from being split
+    std::vector<LevelCounts> levels;
+    BuildPhases phases;
 };
 
 /// The first law of trees that `tree` breaks, in one sentence, or an empty string: structure, ids, and every valid
