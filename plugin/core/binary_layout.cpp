@@ -53,12 +53,14 @@ BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
     };
 
     std::vector<std::size_t> word_of(tree.nodes.size());
-    std::size_t word_count = 0;
+    std::size_t word_count = 0, block_count = 0;
     for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
         word_of[i] = word_count;
         word_count += is_wide(tree.nodes[i]) ? 2 : 1;
+        block_count += (tree.nodes[i].count + TriangleBlock::width - 1) / TriangleBlock::width;
     }
     layout.words.reserve(word_count);
+    layout.blocks.reserve(block_count);
     for (const TreeNode &node : tree.nodes) {
         if (node.kind == TreeNode::Kind::leaf) {
             const std::uint32_t *ids = tree.references.data() + node.first;
