@@ -1,9 +1,12 @@
 #include "accelerator.h"
 
 #include <chrono>
+#include <optional>
+#include <stdexcept>
 
 #include "binary_tree.h"
 #include "builder.h"
+#include "tree_file.h"
 
 namespace bsp {
 namespace {
@@ -68,22 +71,53 @@ private:
     std::vector<Entry> m_triangles;
 };
 
-template <typename Test> std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings) {
+/// The saved tree, if there is one and it is sound.
+std::optional<Tree> load(const TreeFile &file, const TriangleSet &set, std::string &warning) {
+    try {
+        return file.load(set);
+    } catch (const std::runtime_error &e) {
+        warning = std::string(e.what()) + "; it is built again";
+        return {};
+    }
+}
+
+void save(const TreeFile &file, const Tree &tree, std::string &warning) {
+    try {
+        file.save(tree);
+    } catch (const std::runtime_error &e) {
+        warning += (warning.empty() ? "" : "; ") + std::string(e.what());
+    }
+}
+
+template <typename Test>
+std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings, const std::string &cache) {
     Statistics statistics = describe(set, settings);
     if (settings.tree == TreeKind::brute)
         return std::make_unique<BruteForce<Test>>(set, std::move(statistics));
     const auto start = std::chrono::steady_clock::now();
-    const Tree tree = build_tree(set, settings);
-    BinaryLayout layout = pack_binary(tree, set);
+    std::optional<TreeFile> file;
+    std::optional<Tree> tree;
+    if (!cache.empty()) {
+        file.emplace(cache, set, settings);
+        tree = load(*file, set, statistics.warning);
+    }
+    statistics.loaded = tree.has_value();
+    if (!tree)
+        tree = build_tree(set, settings);
+    BinaryLayout layout = pack_binary(*tree, set);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.build_s = elapsed.count();
-    return make_binary_tree<Test, Fault::none>(std::move(layout), tree, set, std::move(statistics));
+    if (file && !statistics.loaded)
+        save(*file, *tree, statistics.warning);
+    return make_binary_tree<Test, Fault::none>(std::move(layout), *tree, set, std::move(statistics));
 }
 
 } // namespace
 
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings) {
-    return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings) : make<MtTest>(set, settings);
+std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
+                                              const std::string &cache) {
+    return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings, cache)
+                                                        : make<MtTest>(set, settings, cache);
 }
 
 } // namespace bsp

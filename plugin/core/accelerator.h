@@ -26,7 +26,9 @@ struct Statistics {
     int max_depth = 0;
     std::size_t bytes = 0;
     double sah_cost = 0;
-    double build_s = 0;
+    double build_s = 0;  ///< of building and packing; if `loaded`, of loading and packing
+    bool loaded = false; ///< the tree was not built but found in the folder of saved trees
+    std::string warning; ///< what went wrong with that folder, in one sentence; the tree is right all the same
 };
 
 /// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw. A
@@ -52,6 +54,9 @@ protected:
 };
 
 /// Builds what the settings say. The set may be destroyed afterwards. Throws std::bad_alloc or std::length_error.
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings);
+/// With a folder of saved trees (created if it is missing), the tree is loaded from there if it was built before, and
+/// kept there if not; brute force has none to keep.
+std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
+                                              const std::string &cache = "");
 
 } // namespace bsp
