@@ -61,12 +61,12 @@ struct Tree {
     std::unique_ptr<bsp::Accelerator> accelerator;
 
     Tree(const Rows3 &vertices, const Faces &faces, const std::string &tree,
-         const std::map<std::string, std::string> &options, const std::string &fault) {
+         const std::map<std::string, std::string> &options, const std::string &fault, const std::string &cache) {
         const bsp::Settings settings = bsp::make_settings(tree, to_options(options));
         const bsp::TriangleSet set = to_triangles(vertices, faces);
         nb::gil_scoped_release release;
-        accelerator =
-            fault.empty() ? bsp::make_accelerator(set, settings) : bsp::make_faulty_accelerator(set, settings, fault);
+        accelerator = fault.empty() ? bsp::make_accelerator(set, settings, cache)
+                                    : bsp::make_faulty_accelerator(set, settings, fault);
     }
 };
 
@@ -167,6 +167,7 @@ nb::dict statistics(const Tree &tree) {
     result["max_depth"] = s.max_depth;
     result["bytes"] = s.bytes;
     result["build_s"] = s.build_s;
+    result["loaded"] = s.loaded;
     result["sah_cost"] = s.sah_cost;
     return result;
 }
@@ -211,12 +212,13 @@ NB_MODULE(_core, m) {
 
     nb::class_<Tree>(m, "Accelerator")
         .def(nb::init<const Rows3 &, const Faces &, const std::string &, const std::map<std::string, std::string> &,
-                      const std::string &>(),
+                      const std::string &, const std::string &>(),
              "vertices"_a, "faces"_a, "tree"_a = "kd", "options"_a = std::map<std::string, std::string>(),
-             "fault"_a = "")
+             "fault"_a = "", "cache"_a = "")
         .def("closest", &closest, "origins"_a, "directions"_a, "maxt"_a)
         .def("any", &any, "origins"_a, "directions"_a, "maxt"_a)
         .def("count", &count, "origins"_a, "directions"_a, "maxt"_a, "any_hit"_a = false)
         .def("statistics", &statistics)
+        .def("warning", [](const Tree &tree) { return tree.accelerator->statistics().warning; })
         .def("planes", &planes);
 }

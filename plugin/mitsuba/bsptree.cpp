@@ -1,5 +1,6 @@
 /// The shape `bsptree`: meshes under one of this project's trees.
-/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `expand` (see bspmember.cpp).
+/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `cache` (a folder in which
+/// built trees are kept), `expand` (see bspmember.cpp).
 #include "accelerator.h"
 #include "member.h"
 #include "ray_counters.h"
@@ -15,8 +16,10 @@ public:
     using typename Base::Hit;
 
     explicit BSPTree(const Properties &props)
-        : Base(props), m_settings(read_settings(props)), m_count(read_flag(props, "count", false)) {
+        : Base(props), m_settings(read_settings(props)), m_cache(read_folder(props, "cache")),
+          m_count(read_flag(props, "count", false)) {
         rebuild();
+        m_cache.clear(); // edited geometry is seldom seen again: keeping its trees would only fill the folder
     }
 
     Hit closest(const Ray3f &ray) const override {
@@ -55,7 +58,7 @@ public:
             << ", \"oblique_nodes\": " << s.oblique_nodes << ", \"leaves\": " << s.leaves
             << ", \"empty_leaves\": " << s.empty_leaves << ", \"references\": " << s.references
             << ", \"max_depth\": " << s.max_depth << ", \"bytes\": " << s.bytes << ", \"build_s\": " << s.build_s
-            << ", \"sah_cost\": ";
+            << ", \"loaded\": " << (s.loaded ? "true" : "false") << ", \"sah_cost\": ";
         if (std::isfinite(s.sah_cost))
             oss << s.sah_cost;
         else
@@ -83,15 +86,17 @@ protected:
                 Throw("child %s: %s", child_name(i), e.what());
             }
         }
-        m_tree = bsp::make_accelerator(set, m_settings);
+        m_tree = bsp::make_accelerator(set, m_settings, m_cache);
         m_starts = std::move(starts);
 
         const bsp::Statistics &s = m_tree->statistics();
+        if (!s.warning.empty())
+            Log(Warn, "%s", s.warning);
         if (s.dropped_triangles > 0)
             Log(Warn, "%d of %d triangles have no area or a vertex that is not finite: they are left out",
                 s.dropped_triangles, set.triangles.size());
-        Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %.3f s", s.spec, s.triangles, s.nodes,
-            s.references, s.build_s);
+        Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %s in %.3f s", s.spec, s.triangles, s.nodes,
+            s.references, s.loaded ? "loaded" : "built", s.build_s);
     }
 
     void clear() override { m_tree = bsp::make_accelerator({}, m_settings); }
@@ -101,7 +106,7 @@ protected:
 private:
     static bsp::Settings read_settings(const Properties &props) {
         const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
-        std::vector<std::string> names{"tree", "count", "expand"};
+        std::vector<std::string> names{"tree", "count", "cache", "expand"};
         bsp::Options options;
         for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {
             names.push_back(setting.name);
@@ -126,6 +131,7 @@ private:
     }
 
     bsp::Settings m_settings;
+    std::string m_cache; ///< folder of saved trees, empty for none
     bool m_count;
     std::vector<uint32_t> m_starts; ///< first triangle of each child
     std::unique_ptr<bsp::Accelerator> m_tree;

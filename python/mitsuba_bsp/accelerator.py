@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import warnings
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +23,19 @@ class Accelerator:
     `vertices` is (n, 3) float32 or float64 (rounded to float32), `faces` is (m, 3) of any integer type, with indices
     below n. ValueError for a wrong spec or shape, TypeError for a wrong type, IndexError for an index out of range.
     Triangles with a vertex that is not finite, or without area, are left out with a warning; the others keep their
-    numbers. `fault` plants a mistake in the traversal, one of `faults()`, to see whether a test can find it.
+    numbers. `cache` is a folder (created if it is missing) in which trees are kept: what was built before is loaded
+    from there; trouble with it is a warning, and the tree is built. `fault` plants a mistake in the traversal, one of
+    `faults()`, to see whether a test can find it; such a tree is not kept.
     """
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike, spec: str = "kd", fault: str = "") -> None:
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        spec: str = "kd",
+        fault: str = "",
+        cache: str | Path | None = None,
+    ) -> None:
         checked = parse_spec(spec)
         if not checked.is_tree:
             raise ValueError(
@@ -33,7 +44,10 @@ class Accelerator:
         corners = _floats("vertices", vertices, (None, 3))
         indices = _faces(faces, len(corners))
         self.spec = checked
-        self._tree = _core.Accelerator(corners, indices, checked.name, dict(checked.options), fault)
+        folder = os.fspath(cache or "")
+        self._tree = _core.Accelerator(corners, indices, checked.name, dict(checked.options), fault, folder)
+        if warning := self._tree.warning():
+            warnings.warn(warning, stacklevel=2)
         dropped = self.statistics()["dropped_triangles"]
         if dropped:
             warnings.warn(
@@ -65,7 +79,7 @@ class Accelerator:
         return self._tree.count(*_rays(origins, directions, maxt), any_hit)
 
     def statistics(self) -> dict[str, str | int | float]:
-        """Sizes of the tree, its `build_s` and its `sah_cost`."""
+        """Sizes of the tree, its `sah_cost`, its `build_s`, and whether it was `loaded` in that time, not built."""
         return self._tree.statistics()
 
     def planes(self) -> NDArray[np.float32]:
