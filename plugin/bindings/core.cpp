@@ -12,7 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "../interrupt.h"
 #include "accelerator.h"
+#include "builder.h"
 #include "faults.h"
 #include "parallel.h"
 #include "settings.h"
@@ -61,12 +63,20 @@ struct Tree {
     std::unique_ptr<bsp::Accelerator> accelerator;
 
     Tree(const Rows3 &vertices, const Faces &faces, const std::string &tree,
-         const std::map<std::string, std::string> &options, const std::string &fault) {
+         const std::map<std::string, std::string> &options, const std::string &fault, const std::string &cache) {
         const bsp::Settings settings = bsp::make_settings(tree, to_options(options));
         const bsp::TriangleSet set = to_triangles(vertices, faces);
-        nb::gil_scoped_release release;
-        accelerator =
-            fault.empty() ? bsp::make_accelerator(set, settings) : bsp::make_faulty_accelerator(set, settings, fault);
+        try {
+            nb::gil_scoped_release release;
+            bsp::BuildMonitor monitor;
+            const InterruptWatch watch(monitor);
+            accelerator = fault.empty() ? bsp::make_accelerator(set, settings, {cache, &monitor})
+                                        : bsp::make_faulty_accelerator(set, settings, fault);
+        } catch (const bsp::BuildCancelled &) {
+            if (PyErr_CheckSignals() != 0)
+                throw nb::python_error();
+            throw;
+        }
     }
 };
 
@@ -151,23 +161,19 @@ nb::dict count(const Tree &tree, Rows3 origins, Rows3 directions, Values maxt, b
     return result;
 }
 
-nb::dict statistics(const Tree &tree) {
-    const bsp::Statistics &s = tree.accelerator->statistics();
-    nb::dict result;
-    result["spec"] = s.spec;
-    result["triangles"] = s.triangles;
-    result["dropped_triangles"] = s.dropped_triangles;
-    result["nodes"] = s.nodes;
-    result["interior_nodes"] = s.interior_nodes;
-    result["axis_nodes"] = s.axis_nodes;
-    result["oblique_nodes"] = s.oblique_nodes;
-    result["leaves"] = s.leaves;
-    result["empty_leaves"] = s.empty_leaves;
-    result["references"] = s.references;
-    result["max_depth"] = s.max_depth;
-    result["bytes"] = s.bytes;
-    result["build_s"] = s.build_s;
-    result["sah_cost"] = s.sah_cost;
+/// Planes considered and different planes, per level and (last) of the whole tree.
+nb::list survey_planes(const Rows3 &vertices, const Faces &faces, const std::string &tree,
+                       const std::map<std::string, std::string> &options) {
+    const bsp::Settings settings = bsp::make_settings(tree, to_options(options));
+    const bsp::TriangleSet set = to_triangles(vertices, faces);
+    std::vector<bsp::LevelPlanes> levels;
+    {
+        nb::gil_scoped_release release;
+        levels = bsp::survey_planes(set, settings);
+    }
+    nb::list result;
+    for (const bsp::LevelPlanes &level : levels)
+        result.append(nb::make_tuple(level.considered, level.different));
     return result;
 }
 
@@ -187,6 +193,7 @@ NB_MODULE(_core, m) {
     m.attr("compiler") = COMPILER;
     m.def("trees", &bsp::tree_names);
     m.def("faults", &bsp::fault_names);
+    m.def("survey_planes", &survey_planes, "vertices"_a, "faces"_a, "tree"_a, "options"_a);
     m.def(
         "settings",
         [](const std::string &tree, const std::map<std::string, std::string> &options) {
@@ -211,12 +218,13 @@ NB_MODULE(_core, m) {
 
     nb::class_<Tree>(m, "Accelerator")
         .def(nb::init<const Rows3 &, const Faces &, const std::string &, const std::map<std::string, std::string> &,
-                      const std::string &>(),
+                      const std::string &, const std::string &>(),
              "vertices"_a, "faces"_a, "tree"_a = "kd", "options"_a = std::map<std::string, std::string>(),
-             "fault"_a = "")
+             "fault"_a = "", "cache"_a = "")
         .def("closest", &closest, "origins"_a, "directions"_a, "maxt"_a)
         .def("any", &any, "origins"_a, "directions"_a, "maxt"_a)
         .def("count", &count, "origins"_a, "directions"_a, "maxt"_a, "any_hit"_a = false)
-        .def("statistics", &statistics)
+        .def("statistics", [](const Tree &tree) { return bsp::to_json(tree.accelerator->statistics()); })
+        .def("warning", [](const Tree &tree) { return tree.accelerator->statistics().warning; })
         .def("planes", &planes);
 }

@@ -1,9 +1,12 @@
 #include "accelerator.h"
 
 #include <chrono>
+#include <optional>
+#include <stdexcept>
 
 #include "binary_tree.h"
 #include "builder.h"
+#include "tree_file.h"
 
 namespace bsp {
 namespace {
@@ -72,25 +75,54 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// The saved tree, if there is one and it is sound.
+std::optional<Tree> load(const TreeFile &file, const TriangleSet &set, std::string &warning) {
+    try {
+        return file.load(set);
+    } catch (const std::runtime_error &e) {
+        warning = std::string(e.what()) + "; it is built again";
+        return {};
+    }
+}
+
+void save(const TreeFile &file, const Tree &tree, std::string &warning) {
+    try {
+        file.save(tree);
+    } catch (const std::runtime_error &e) {
+        warning += (warning.empty() ? "" : "; ") + std::string(e.what());
+    }
+}
+
 template <typename Test>
-std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
+std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings, const BuildOptions &options) {
     Statistics statistics = describe(set, settings);
     if (settings.tree == TreeKind::brute)
         return std::make_unique<BruteForce<Test>>(set, std::move(statistics));
     const auto start = std::chrono::steady_clock::now();
-    Tree tree = build_tree(set, settings, monitor);
+    std::optional<TreeFile> file;
+    std::optional<Tree> tree;
+    if (!options.cache.empty()) {
+        file.emplace(options.cache, set, settings);
+        tree = load(*file, set, statistics.warning);
+    }
+    statistics.loaded = tree.has_value();
+    if (!tree)
+        tree = build_tree(set, settings, options.monitor);
     const auto built = std::chrono::steady_clock::now();
-    BinaryLayout layout = pack_binary(tree, set);
-    tree.phases.pack_s = seconds_since(built);
+    BinaryLayout layout = pack_binary(*tree, set);
+    tree->phases.pack_s = seconds_since(built);
     statistics.build_s = seconds_since(start);
-    return make_binary_tree<Test, Fault::none>(std::move(layout), tree, set, std::move(statistics));
+    if (file && !statistics.loaded)
+        save(*file, *tree, statistics.warning);
+    return make_binary_tree<Test, Fault::none>(std::move(layout), *tree, set, std::move(statistics));
 }
 
 } // namespace
 
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
-    return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings, monitor)
-                                                        : make<MtTest>(set, settings, monitor);
+std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
+                                              const BuildOptions &options) {
+    return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings, options)
+                                                        : make<MtTest>(set, settings, options);
 }
 
 } // namespace bsp

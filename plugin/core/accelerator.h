@@ -7,7 +7,7 @@
 #include "build_monitor.h"
 #include "ray.h"
 #include "settings.h"
-#include "tree.h"
+#include "statistics.h"
 #include "triangles.h"
 
 namespace bsp {
@@ -16,22 +16,6 @@ namespace bsp {
 struct Plane {
     Vec3f normal; ///< its largest component is 1
     float offset;
-};
-
-/// What a tree is made of. Zero for brute force where it does not apply.
-struct Statistics {
-    std::string spec;
-    std::size_t triangles = 0, dropped_triangles = 0;
-    std::size_t nodes = 0, interior_nodes = 0, axis_nodes = 0, oblique_nodes = 0;
-    std::size_t leaves = 0, empty_leaves = 0, references = 0;
-    std::size_t capped_leaves = 0; ///< leaves that would have been split, but for `max_references` or `max_depth`
-    int max_depth = 0;
-    std::size_t bytes = 0;
-    double sah_cost = 0;
-    double build_s = 0;
-    std::vector<LevelCounts> levels;     ///< from the root down
-    std::vector<std::size_t> leaf_sizes; ///< leaves by their number of triangles; the last entry: that many or more
-    BuildPhases phases;
 };
 
 /// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw. A
@@ -56,9 +40,15 @@ protected:
     Bounds m_bounds;
 };
 
-/// Builds what the settings say. The set may be destroyed afterwards. Throws std::bad_alloc, std::length_error, or
-/// BuildCancelled if the monitor says so.
+/// What decides nothing about the tree.
+struct BuildOptions {
+    std::string cache;               ///< a folder of saved trees, created if it is missing; empty: none
+    BuildMonitor *monitor = nullptr; ///< watches the build and may cancel it
+};
+
+/// Builds what the settings say, or loads it from the folder of saved trees if it was kept there before. The set may be
+/// destroyed afterwards. Throws std::bad_alloc, std::length_error, or BuildCancelled if the monitor says so.
 std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
-                                              BuildMonitor *monitor = nullptr);
+                                              const BuildOptions &options = {});
 
 } // namespace bsp

@@ -64,12 +64,14 @@ Splits splits_of(const Tree &tree, const std::vector<Direction> &families) {
 class NodeWriter {
 public:
     NodeWriter(const Tree &tree, BinaryLayout &layout) : m_layout(layout), m_word_of(tree.nodes.size()) {
-        std::size_t count = 0;
+        std::size_t words = 0, blocks = 0;
         for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
-            m_word_of[i] = count;
-            count += is_double(tree.nodes[i]) ? 2 : 1;
+            m_word_of[i] = words;
+            words += is_double(tree.nodes[i]) ? 2 : 1;
+            blocks += (tree.nodes[i].count + TriangleBlock::width - 1) / TriangleBlock::width;
         }
-        m_layout.words.reserve(count);
+        m_layout.words.reserve(words);
+        m_layout.blocks.reserve(blocks);
     }
 
     void write(const TreeNode &node) {

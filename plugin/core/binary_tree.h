@@ -8,9 +8,6 @@
 
 namespace bsp {
 
-/// Fills in what the tree tells about itself.
-void describe_tree(const Tree &tree, Statistics &statistics);
-
 /// A tree in the binary layout.
 template <typename Test, Splits splits, Fault fault> class BinaryTree final : public Accelerator {
 public:

@@ -329,24 +329,6 @@ private:
     int m_max_depth;
 };
 
-/// Fills in what the finished nodes say about the depths of the tree.
-void describe_levels(Tree &tree) {
-    std::vector<std::size_t> depth(tree.nodes.size(), 0);
-    for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
-        const TreeNode &node = tree.nodes[i];
-        tree.levels.resize(std::max(tree.levels.size(), depth[i] + 1));
-        LevelCounts &level = tree.levels[depth[i]];
-        level.axis_nodes += node.kind == TreeNode::Kind::axis;
-        level.oblique_nodes += node.kind == TreeNode::Kind::oblique;
-        level.leaves += node.kind == TreeNode::Kind::leaf;
-        level.references += node.count;
-        if (node.kind == TreeNode::Kind::leaf)
-            continue;
-        depth[i + 1] = depth[node.above] = depth[i] + 1;
-        tree.depth = std::max(tree.depth, int(depth[i]) + 1);
-    }
-}
-
 } // namespace
 
 Bounds root_box(const TriangleSet &set) {

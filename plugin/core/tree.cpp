@@ -9,34 +9,79 @@ namespace {
 
 std::string at(const char *what, std::size_t index) { return std::string(what) + " " + std::to_string(index); }
 
-/// Depth of every node, found along the way: parents come before their children.
+/// What is wrong with an interior node by itself, or an empty string.
+std::string check_plane(const TreeNode &node) {
+    const Direction &direction = node.direction;
+    if (node.kind != TreeNode::Kind::axis && node.kind != TreeNode::Kind::oblique)
+        return " is of no known kind";
+    if (direction.major > 2 || !(std::abs(direction.a) <= 1) || !(std::abs(direction.b) <= 1))
+        return " has a plane without a direction";
+    if (!std::isfinite(node.offset))
+        return " has a plane that is not finite";
+    if (node.kind == TreeNode::Kind::axis && !direction.is_axis())
+        return " is an axis node with an oblique plane";
+    return {};
+}
+
+/// Walks the nodes in their order, which must be depth first.
 std::string check_structure(const Tree &tree) {
-    std::vector<int> depth(tree.nodes.size(), -1);
-    depth[0] = 0;
+    struct Open {
+        std::size_t node;
+        int depth;
+    };
+    std::vector<Open> open; // interior nodes whose child above is still to come
+    int depth = 0;
+    std::size_t listed = 0;
     for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
         const TreeNode &node = tree.nodes[i];
-        if (depth[i] < 0)
-            return at("node", i) + " has no parent";
-        if (node.kind == TreeNode::Kind::leaf)
+        if (node.kind != TreeNode::Kind::leaf) {
+            if (const std::string broken = check_plane(node); !broken.empty())
+                return at("node", i) + broken;
+            if (node.above <= i + 1 || node.above >= tree.nodes.size())
+                return at("node", i) + " has a child outside the tree";
+            open.push_back({i, depth});
+            if (++depth > depth_limit)
+                return "the tree is deeper than " + std::to_string(depth_limit) + " levels";
             continue;
-        if (!std::isfinite(node.offset))
-            return at("node", i) + " has a plane that is not finite";
-        if (node.kind == TreeNode::Kind::axis && !node.direction.is_axis())
-            return at("node", i) + " is an axis node with an oblique plane";
-        if (node.above <= i + 1 || node.above >= tree.nodes.size())
-            return at("node", i) + " has a child outside the tree";
-        for (const std::size_t child : {i + 1, std::size_t(node.above)}) {
-            if (depth[child] >= 0)
-                return at("node", child) + " has two parents";
-            depth[child] = depth[i] + 1;
         }
+        if (node.first != listed)
+            return at("leaf", i) + " does not list its triangles behind those of the leaf before";
+        listed += node.count;
+        if (i + 1 == tree.nodes.size())
+            break;
+        if (open.empty())
+            return at("node", i + 1) + " has no parent";
+        if (tree.nodes[open.back().node].above != i + 1)
+            return at("node", open.back().node) + " has a child out of depth-first order";
+        depth = open.back().depth + 1;
+        open.pop_back();
     }
-    if (*std::max_element(depth.begin(), depth.end()) > depth_limit)
-        return "the tree is deeper than " + std::to_string(depth_limit) + " levels";
+    if (!open.empty())
+        return at("node", open.back().node) + " has only one child";
+    if (listed != tree.references.size())
+        return "the leaves list " + std::to_string(listed) + " triangles, but the tree has " +
+               std::to_string(tree.references.size());
     return {};
 }
 
 } // namespace
+
+void describe_levels(Tree &tree) {
+    std::vector<std::size_t> depth(tree.nodes.size(), 0);
+    for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
+        const TreeNode &node = tree.nodes[i];
+        tree.levels.resize(std::max(tree.levels.size(), depth[i] + 1));
+        LevelCounts &level = tree.levels[depth[i]];
+        level.axis_nodes += node.kind == TreeNode::Kind::axis;
+        level.oblique_nodes += node.kind == TreeNode::Kind::oblique;
+        level.leaves += node.kind == TreeNode::Kind::leaf;
+        level.references += node.count;
+        if (node.kind == TreeNode::Kind::leaf)
+            continue;
+        depth[i + 1] = depth[node.above] = depth[i] + 1;
+        tree.depth = std::max(tree.depth, int(depth[i]) + 1);
+    }
+}
 
 std::string validate(const Tree &tree, const TriangleSet &set) {
     if (tree.nodes.empty())
@@ -51,9 +96,7 @@ std::string validate(const Tree &tree, const TriangleSet &set) {
         const TreeNode &node = tree.nodes[i];
         if (node.kind != TreeNode::Kind::leaf)
             continue;
-        if (std::size_t(node.first) + node.count > tree.references.size())
-            return at("leaf", i) + " lists triangles outside the tree";
-        for (std::uint32_t r = node.first; r < node.first + node.count; ++r) {
+        for (std::size_t r = node.first; r < std::size_t(node.first) + node.count; ++r) {
             const std::uint32_t id = tree.references[r];
             if (id >= usable.size() || !usable[id])
                 return at("leaf", i) + " lists " + at("triangle", id) + ", which is not a valid one";

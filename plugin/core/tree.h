@@ -40,8 +40,12 @@ struct Tree {
     BuildPhases phases;
 };
 
-/// The first law of trees that `tree` breaks, in one sentence, or an empty string: structure, ids, and every valid
-/// triangle in at least one leaf.
+/// Fills in `depth` and the nodes of `levels`; the tree must be valid.
+void describe_levels(Tree &tree);
+
+/// The first law of trees that `tree` breaks, in one sentence, or an empty string: depth-first structure,
+/// planes, depth, ids, and every valid triangle in at least one leaf. A tree that breaks none is safe to pack and
+/// traverse, wherever it comes from.
 std::string validate(const Tree &tree, const TriangleSet &set);
 
 } // namespace bsp

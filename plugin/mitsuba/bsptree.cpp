@@ -1,5 +1,12 @@
 /// The shape `bsptree`: meshes under one of this project's trees.
-/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `expand` (see bspmember.cpp).
+/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `cache` (a folder in which
+/// built trees are kept), `expand` (see bspmember.cpp).
+#include <mitsuba/core/progress.h>
+
+#include <chrono>
+#include <future>
+
+#include "../interrupt.h"
 #include "accelerator.h"
 #include "member.h"
 #include "ray_counters.h"
@@ -15,8 +22,10 @@ public:
     using typename Base::Hit;
 
     explicit BSPTree(const Properties &props)
-        : Base(props), m_settings(read_settings(props)), m_count(read_flag(props, "count", false)) {
+        : Base(props), m_settings(read_settings(props)), m_cache(read_folder(props, "cache")),
+          m_count(read_flag(props, "count", false)) {
         rebuild();
+        m_cache.clear(); // edited geometry is seldom seen again: keeping its trees would only fill the folder
     }
 
     Hit closest(const Ray3f &ray) const override {
@@ -47,22 +56,12 @@ public:
     }
 
     std::string statistics() const override {
-        const bsp::Statistics &s = m_tree->statistics();
+        std::string text = bsp::to_json(m_tree->statistics());
+        if (!m_count)
+            return text;
+        text.pop_back();
         std::ostringstream oss;
-        oss << "{\"spec\": \"" << s.spec << "\", \"triangles\": " << s.triangles
-            << ", \"dropped_triangles\": " << s.dropped_triangles << ", \"nodes\": " << s.nodes
-            << ", \"interior_nodes\": " << s.interior_nodes << ", \"axis_nodes\": " << s.axis_nodes
-            << ", \"oblique_nodes\": " << s.oblique_nodes << ", \"leaves\": " << s.leaves
-            << ", \"empty_leaves\": " << s.empty_leaves << ", \"references\": " << s.references
-            << ", \"max_depth\": " << s.max_depth << ", \"bytes\": " << s.bytes << ", \"build_s\": " << s.build_s
-            << ", \"sah_cost\": ";
-        if (std::isfinite(s.sah_cost))
-            oss << s.sah_cost;
-        else
-            oss << "null"; // JSON has no other word for it
-        if (m_count)
-            oss << ", \"counters\": " << m_counters;
-        oss << "}";
+        oss << text << ", \"counters\": " << m_counters << "}";
         return oss.str();
     }
 
@@ -83,15 +82,17 @@ protected:
                 Throw("child %s: %s", child_name(i), e.what());
             }
         }
-        m_tree = bsp::make_accelerator(set, m_settings);
+        m_tree = build_tree(set);
         m_starts = std::move(starts);
 
         const bsp::Statistics &s = m_tree->statistics();
+        if (!s.warning.empty())
+            Log(Warn, "%s", s.warning);
         if (s.dropped_triangles > 0)
             Log(Warn, "%d of %d triangles have no area or a vertex that is not finite: they are left out",
                 s.dropped_triangles, set.triangles.size());
-        Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %.3f s", s.spec, s.triangles, s.nodes,
-            s.references, s.build_s);
+        Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %s in %.3f s", s.spec, s.triangles, s.nodes,
+            s.references, s.loaded ? "loaded" : "built", s.build_s);
     }
 
     void clear() override { m_tree = bsp::make_accelerator({}, m_settings); }
@@ -101,7 +102,7 @@ protected:
 private:
     static bsp::Settings read_settings(const Properties &props) {
         const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
-        std::vector<std::string> names{"tree", "count", "expand"};
+        std::vector<std::string> names{"tree", "count", "cache", "expand"};
         bsp::Options options;
         for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {
             names.push_back(setting.name);
@@ -110,6 +111,22 @@ private:
         }
         check_names(props, "a bsptree with tree=" + tree, names);
         return bsp::make_settings(tree, options);
+    }
+
+    /// On another thread, so that this one can show how far it is.
+    std::unique_ptr<bsp::Accelerator> build_tree(const bsp::TriangleSet &set) const {
+        using namespace std::chrono_literals;
+        bsp::BuildMonitor monitor;
+        const InterruptWatch watch(monitor);
+        auto building =
+            std::async(std::launch::async, [&] { return bsp::make_accelerator(set, m_settings, {m_cache, &monitor}); });
+        if (building.wait_for(1s) != std::future_status::ready) {
+            ProgressReporter progress("Building the tree");
+            while (building.wait_for(100ms) != std::future_status::ready)
+                progress.update(float(monitor.progress()));
+            progress.update(1.f);
+        }
+        return building.get();
     }
 
     static bsp::Ray to_ray(const Ray3f &ray) {
@@ -126,6 +143,7 @@ private:
     }
 
     bsp::Settings m_settings;
+    std::string m_cache; ///< folder of saved trees, empty for none
     bool m_count;
     std::vector<uint32_t> m_starts; ///< first triangle of each child
     std::unique_ptr<bsp::Accelerator> m_tree;

@@ -34,6 +34,15 @@ inline bool read_flag(const Properties &props, const std::string &name, bool def
     return props.get<bool>(name);
 }
 
+/// The path of a folder, or an empty string.
+inline std::string read_folder(const Properties &props, const std::string &name) {
+    if (!props.has_property(name))
+        return "";
+    if (props.type(name) != Properties::Type::String)
+        Throw("the property \"%s\" of a %s is a text: the path of a folder", name, props.plugin_name());
+    return props.get<std::string>(name);
+}
+
 /// Any simple value as the text of a spec, numbers with all their digits.
 inline std::string read_text(const Properties &props, const std::string &name) {
     props.mark_queried(name);

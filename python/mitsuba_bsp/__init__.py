@@ -9,7 +9,7 @@ check_mitsuba()
 check_extension()
 register_plugins()
 
-from .accelerator import NO_TRIANGLE, Accelerator, faults  # noqa: E402
+from .accelerator import NO_TRIANGLE, Accelerator, faults, survey_planes  # noqa: E402
 from .loading import load_dict, load_file, load_string  # noqa: E402
 from .spec import Setting, Spec, parse_spec, specs  # noqa: E402
 from .tree_statistics import statistics  # noqa: E402
@@ -28,4 +28,5 @@ __all__ = [
     "scenes_dir",
     "specs",
     "statistics",
+    "survey_planes",
 ]

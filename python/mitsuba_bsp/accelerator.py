@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import json
 import warnings
+from pathlib import Path
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +26,19 @@ class Accelerator:
     `vertices` is (n, 3) float32 or float64 (rounded to float32), `faces` is (m, 3) of any integer type, with indices
     below n. ValueError for a wrong spec or shape, TypeError for a wrong type, IndexError for an index out of range.
     Triangles with a vertex that is not finite, or without area, are left out with a warning; the others keep their
-    numbers. `fault` plants a mistake in the traversal, one of `faults()`, to see whether a test can find it.
+    numbers. `cache` is a folder (created if it is missing) in which trees are kept: what was built before is loaded
+    from there; trouble with it is a warning, and the tree is built. `fault` plants a mistake in the traversal, one of
+    `faults()`, to see whether a test can find it; such a tree is not kept.
     """
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike, spec: str = "kd", fault: str = "") -> None:
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        spec: str = "kd",
+        fault: str = "",
+        cache: str | Path | None = None,
+    ) -> None:
         checked = parse_spec(spec)
         if not checked.is_tree:
             raise ValueError(
@@ -33,7 +47,10 @@ class Accelerator:
         corners = _floats("vertices", vertices, (None, 3))
         indices = _faces(faces, len(corners))
         self.spec = checked
-        self._tree = _core.Accelerator(corners, indices, checked.name, dict(checked.options), fault)
+        folder = os.fspath(cache or "")
+        self._tree = _core.Accelerator(corners, indices, checked.name, dict(checked.options), fault, folder)
+        if warning := self._tree.warning():
+            warnings.warn(warning, stacklevel=2)
         dropped = self.statistics()["dropped_triangles"]
         if dropped:
             warnings.warn(
@@ -64,13 +81,25 @@ class Accelerator:
         """
         return self._tree.count(*_rays(origins, directions, maxt), any_hit)
 
-    def statistics(self) -> dict[str, str | int | float]:
-        """Sizes of the tree, its `build_s` and its `sah_cost`."""
-        return self._tree.statistics()
+    def statistics(self) -> dict[str, Any]:
+        """Sizes of the tree, its `sah_cost`, its `build_s`, and whether it was `loaded` in that time, not built."""
+        return json.loads(self._tree.statistics())
 
     def planes(self) -> NDArray[np.float32]:
         """All split planes, (p, 4): normal and offset, normal . x = offset; none for `brute`."""
         return self._tree.planes().reshape(-1, 4)
+
+
+def survey_planes(vertices: ArrayLike, faces: ArrayLike, spec: str) -> dict[str, list[tuple[int, int]] | tuple[int, int]]:
+    """The planes that the exact sweeps of a build look at: (considered, different) per level, root first, and in all.
+
+    `vertices`, `faces` and errors are as for `Accelerator`. Estimates by bins are no planes: with `exact_below` as
+    large as the mesh every direction is swept in every node, as in the papers. Figure 2.1 of Hoobergs's draft.
+    """
+    checked = parse_spec(spec)
+    corners = _floats("vertices", vertices, (None, 3))
+    *levels, whole = _core.survey_planes(corners, _faces(faces, len(corners)), checked.name, dict(checked.options))
+    return {"levels": levels, "tree": whole}
 
 
 def faults() -> list[str]:

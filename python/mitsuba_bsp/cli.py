@@ -84,6 +84,9 @@ def _add_render_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--variant", choices=VARIANTS, default=VARIANTS[0], help="default: %(default)s")
     sub.add_argument("--threads", type=_positive, default=available_threads(), metavar="N", help="default: all")
     sub.add_argument(
+        "--cache", type=Path, metavar="DIR", help="keep built trees there and load them; default: build every time"
+    )
+    sub.add_argument(
         "-D",
         dest="params",
         action="append",
@@ -130,6 +133,7 @@ def _compare(args: argparse.Namespace) -> int:
         spp=args.spp,
         resolution=args.resolution,
         repeats=args.repeats,
+        cache=args.cache,
     )
     with _ProgressBar() as bar:
         try:
@@ -212,6 +216,7 @@ def _render(args: argparse.Namespace) -> int:
         threads=args.threads,
         image=str(args.output.absolute()),
         header={"scene": args.scene.stem, "spec": spec.text, "spec_full": spec.full, **header},
+        cache=str(args.cache or ""),
     )
     with err.status(f"rendering {args.scene} with {spec.text}"):
         try:
@@ -221,8 +226,9 @@ def _render(args: argparse.Namespace) -> int:
     said = notes(result.values["others"], result.values["meshes"]) if spec.plugin else []
     for note in [*said, *result.warnings]:
         _say("note", note, "yellow")
+    how = "loaded" if result.values["statistics"].get("loaded") else "built"
     out.print(
-        f"{args.output}: built in {result.values['build_s']:.3f} s, rendered in {result.values['render_s']:.3f} s",
+        f"{args.output}: {how} in {result.values['build_s']:.3f} s, rendered in {result.values['render_s']:.3f} s",
         markup=False,
         soft_wrap=True,
     )

@@ -77,6 +77,7 @@ class _Run:
             threads=self.options.threads,
             image=image,
             header=header if image else {},
+            cache=str(self.options.cache or ""),
         )
 
 

@@ -19,7 +19,11 @@ SEED = 0
 
 @dataclass(frozen=True)
 class Options:
-    """What to compare. `spp` and `resolution` (longer side, pixels) of None are the scene's own."""
+    """What to compare.
+
+    `spp` and `resolution` (longer side, pixels) of None are the scene's own; `cache` is the folder in which trees are
+    kept, None for building all of them every time.
+    """
 
     scenes: tuple[Path, ...]
     specs: tuple[Spec, ...]
@@ -30,6 +34,7 @@ class Options:
     spp: int | None = None
     resolution: int | None = None
     repeats: int = MIN_REPEATS
+    cache: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -96,5 +101,6 @@ def context(options: Options, scene: SceneInfo) -> Record:
         "resolution": list(scene.resolution),
         "seed": SEED,
         "threads": options.threads,
+        "cache": options.cache is not None,
         **describe(),
     }

@@ -28,7 +28,8 @@ class Job:
 
     `inspect` loads it and describes it; `count` renders it with ray counters and the box filter; `time` measures
     building and rendering; `render` makes an image as the scene says; `blame` reads its mesh files one by one.
-    `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
+    `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header. `cache` is
+    the folder in which trees are kept, if any.
     """
 
     kind: Kind
@@ -42,6 +43,7 @@ class Job:
     threads: int = 1
     image: str = ""
     header: Mapping[str, str] = field(default_factory=dict)
+    cache: str = ""
 
 
 @dataclass(frozen=True)

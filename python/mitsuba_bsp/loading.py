@@ -51,10 +51,10 @@ class LoadedScene:
         """Class names and counts of the shapes that stay outside the accelerator."""
         return dict(other_shapes([child for _, child in self.children]))
 
-    def regrouped(self, spec: Spec, count: bool = False) -> mi.parser.ParserState:
+    def regrouped(self, spec: Spec, count: bool = False, cache: str | Path | None = None) -> mi.parser.ParserState:
         """The scene description with its meshes under `spec`, ready for `construct`."""
         state = mi.parser.ParserState(self.state)
-        regroup(state, self.children, spec, count)
+        regroup(state, self.children, spec, count, cache)
         return state
 
     def construct(self, state: mi.parser.ParserState) -> mi.Scene:
@@ -62,32 +62,54 @@ class LoadedScene:
         return mi.parser.instantiate(self.config, state)
 
 
-def load_file(path: str | Path, spec: str, parallel: bool = True, optimize: bool = True, **kwargs: object) -> mi.Scene:
+def load_file(
+    path: str | Path,
+    spec: str,
+    parallel: bool = True,
+    optimize: bool = True,
+    cache: str | Path | None = None,
+    **kwargs: object,
+) -> mi.Scene:
     """Load an XML scene with its triangle meshes under the accelerator `spec`.
 
     The keywords are those of `mitsuba.load_file`; `optimize` shares equal materials and the like, but never merges
-    meshes. ValueError for a wrong spec, FileNotFoundError for a missing file, RuntimeError for what Mitsuba rejects.
+    meshes. `cache` is a folder (created if it is missing) in which our trees are kept: what was built before is loaded
+    from there. ValueError for a wrong spec, FileNotFoundError for a missing file, RuntimeError for what Mitsuba
+    rejects.
     """
     checked = parse_spec(spec)
-    return _finish(open_file(path, parallel, optimize, kwargs), checked)
+    return _finish(open_file(path, parallel, optimize, kwargs), checked, cache)
 
 
-def load_string(value: str, spec: str, parallel: bool = True, optimize: bool = True, **kwargs: object) -> mi.Scene:
+def load_string(
+    value: str,
+    spec: str,
+    parallel: bool = True,
+    optimize: bool = True,
+    cache: str | Path | None = None,
+    **kwargs: object,
+) -> mi.Scene:
     """Like `load_file`, for a scene given as an XML string."""
     checked = parse_spec(spec)
     with _file_resolver(None):
         config = _config(parallel, optimize)
         loaded = _load(config, mi.parser.parse_string(config, value, **kwargs), value, None)
-    return _finish(loaded, checked)
+    return _finish(loaded, checked, cache)
 
 
-def load_dict(dict: Mapping[str, object], spec: str, parallel: bool = True, optimize: bool = True) -> mi.Scene:
+def load_dict(
+    dict: Mapping[str, object],
+    spec: str,
+    parallel: bool = True,
+    optimize: bool = True,
+    cache: str | Path | None = None,
+) -> mi.Scene:
     """Like `load_file`, for a scene given as a dictionary, which may hold objects made before."""
     checked = parse_spec(spec)
     with _file_resolver(None):
         config = _config(parallel, optimize)
         loaded = _load(config, mi.parser.parse_dict(config, dict), dict, None)
-    return _finish(loaded, checked)
+    return _finish(loaded, checked, cache)
 
 
 def open_file(
@@ -193,12 +215,12 @@ def _children(root: mi.Properties, made: Mapping[str, list[mi.Object]]) -> Itera
             yield from ((f"{key}_{index}", child) for index, child in enumerate(objects))
 
 
-def _finish(loaded: LoadedScene, spec: Spec) -> mi.Scene:
+def _finish(loaded: LoadedScene, spec: Spec, cache: str | Path | None) -> mi.Scene:
     """Say what stays outside the accelerator, and construct the scene."""
     if spec.plugin:
         for note in notes(loaded.others, len(loaded.meshes)):
             mi.Log(mi.LogLevel.Warn, note)
-    return loaded.construct(loaded.regrouped(spec))
+    return loaded.construct(loaded.regrouped(spec, cache=cache))
 
 
 def notes(others: Mapping[str, int], meshes: int) -> list[str]:

@@ -14,7 +14,7 @@ Record = Mapping[str, Any]
 
 #: Fields that every record of one scene in one folder must share, or its figures could not be compared.
 CONTEXT = (
-    "scene_hash", "variant", "params", "spp", "resolution", "seed", "threads",
+    "scene_hash", "variant", "params", "spp", "resolution", "seed", "threads", "cache",
     "mitsuba", "mitsuba_bsp", "compiler", "python", "cpu",
 )  # fmt: skip
 
@@ -91,11 +91,12 @@ def check_context(rows: Sequence[Record], scene: str, spec_full: Mapping[str, st
         if row["scene"] != scene:
             continue
         expected = {**context, "spec_full": spec_full.get(str(row["spec"]), row["spec_full"])}
+        found = {"cache": False, **row}  # records older than the cache do not mention it
         for key in (*CONTEXT, "spec_full"):
-            if row[key] != expected[key]:
+            if found[key] != expected[key]:
                 raise ValueError(
-                    f"the output folder already holds {row['spec']} on {scene} with {key} {row[key]}, but this run has "
-                    f"{expected[key]}: choose another --out or the same settings"
+                    f"the output folder already holds {row['spec']} on {scene} with {key} {found[key]}, but this run "
+                    f"has {expected[key]}: choose another --out or the same settings"
                 )
 
 

@@ -23,7 +23,8 @@ _TIMES = ("spec", "build s", "render s", "spread", "x native", "steps/ray", "tes
 _IMAGES = ("spec", "our trees", "against native", "against embree")
 
 _LEGEND = (
-    "Times are medians; the spread is half the range of all repeats; `x native` is native's render time over this one. "
+    "Times are medians; `loaded`: the tree was not built in that time but found in the cache; the spread is half the "
+    "range of all repeats; `x native` is native's render time over this one. "
     "Steps are interior nodes visited, tests are triangles tested, refs are references of leaves to triangles. "
     "An image is identical to another or differs: the share of pixels off by more than 0.1 %, the largest difference, "
     "and whether the mean signed difference looks like rounding or like bias (paired test, probability p)."
@@ -103,8 +104,9 @@ def _time_cells(runs: Sequence[Record], native: Sequence[Record] | None) -> tupl
     seconds = [run["render_s"] for run in runs]
     speed = median(run["render_s"] for run in native) / median(seconds) if native else None
     stats = runs[0]["statistics"]
+    loaded = any(run["statistics"].get("loaded") for run in runs)
     return (
-        f"{median(run['build_s'] for run in runs):.3f}",
+        f"{median(run['build_s'] for run in runs):.3f}{' loaded' * loaded}",
         f"{median(seconds):.3f}",
         f"{(max(seconds) - min(seconds)) / 2 / median(seconds):.1%}",
         _number(speed, ".2f"),

@@ -7,8 +7,10 @@ takes its place, so that the order of shapes, emitters and sensors and every par
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import mitsuba as mi
 
@@ -22,7 +24,7 @@ MEMBER = "bspmember"
 _NOT_PLAIN = ("EllipsoidsMesh",)
 
 #: Keys of the group plugins that are no setting of a tree.
-_PLUGIN_KEYS = {"expand": ("true", "false"), "count": ("true", "false")}
+_PLUGIN_FLAGS = {"expand": ("true", "false"), "count": ("true", "false")}
 
 
 def is_groupable(thing: mi.Object) -> bool:
@@ -50,10 +52,17 @@ def dissolve(state: mi.parser.ParserState) -> None:
     state.nodes[0].props = props
 
 
-def regroup(state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Object]], spec: Spec, count: bool) -> None:
+def regroup(
+    state: mi.parser.ParserState,
+    children: Sequence[tuple[str, mi.Object]],
+    spec: Spec,
+    count: bool,
+    cache: str | Path | None,
+) -> None:
     """Rewrite the root of `state` so that it holds `children` under the accelerator `spec`.
 
-    `children` are the scene's objects with their property names, in order; `count` asks our trees for ray counters.
+    `children` are the scene's objects with their property names, in order; `count` asks our trees for ray counters,
+    `cache` is the folder in which they are kept, if any.
     ValueError if `spec` is `brute` and the scene is too large for it.
     """
     root = _without_objects(state.nodes[0].props)
@@ -68,12 +77,12 @@ def regroup(state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Objec
         root[key] = mi.Properties.ResolvedReference(next(members)) if grouped else child
     state.nodes[0].props = root
     if meshes:
-        _append_shape(state, _group(spec, count, meshes))
+        _append_shape(state, _group(spec, count, cache, meshes))
     for index, mesh in enumerate(meshes):
         _append_shape(state, _member(mesh.id(), group_index, index))
 
 
-def _group(spec: Spec, count: bool, meshes: Sequence[mi.Mesh]) -> mi.Properties:
+def _group(spec: Spec, count: bool, cache: str | Path | None, meshes: Sequence[mi.Mesh]) -> mi.Properties:
     """The node that holds the meshes and knows the settings of the accelerator."""
     props = mi.Properties(spec.plugin)
     for index, mesh in enumerate(meshes):
@@ -82,7 +91,7 @@ def _group(spec: Spec, count: bool, meshes: Sequence[mi.Mesh]) -> mi.Properties:
     if spec.is_tree:
         # As text, so that the plugin reads exactly what the spec says.
         settings |= {key: value_text(value) for key, value in spec.settings.items()}
-        settings |= {"tree": spec.name, "count": count}
+        settings |= {"tree": spec.name, "count": count, "cache": os.fspath(cache or "")}
     else:
         settings |= spec.settings
     for key, value in settings.items():
@@ -158,7 +167,7 @@ def _check_settings(plugin: str, props: mi.Properties, place: str) -> None:
             if given:
                 raise ValueError(f"merge takes no properties, but has {choices(given)}")
             return
-        for key, valid in _PLUGIN_KEYS.items():
+        for key, valid in _PLUGIN_FLAGS.items():
             if given.pop(key, valid[0]) not in valid:
                 raise ValueError(f'"{key}" is neither {" nor ".join(valid)}')
         _check_tree_settings(plugin, given)
@@ -168,7 +177,10 @@ def _check_settings(plugin: str, props: mi.Properties, place: str) -> None:
 
 def _check_tree_settings(plugin: str, given: Mapping[str, str]) -> None:
     options = dict(given)
-    name = options.pop("tree", "kd") if plugin == "bsptree" else "native"
+    name = "native"
+    if plugin == "bsptree":
+        name = options.pop("tree", "kd")
+        options.pop("cache", None)
     make_spec(name, options, plugin)
 
 

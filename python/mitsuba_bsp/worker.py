@@ -74,7 +74,7 @@ def _load(job: Job, stage: Stage, box: bool) -> LoadedScene:
 
 def _construct(job: Job, loaded: LoadedScene, stage: Stage, count: bool = False) -> tuple[mi.Scene, float]:
     """The scene, and the seconds it took to construct it from loaded objects."""
-    state = loaded.regrouped(parse_spec(job.spec), count)
+    state = loaded.regrouped(parse_spec(job.spec), count, job.cache)
     stage(f"building {job.spec} for {job.scene}")
     start = time.perf_counter()
     scene = loaded.construct(state)

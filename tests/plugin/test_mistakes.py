@@ -11,7 +11,7 @@ import pytest
 from .plugin_scenes import ball, place, to_mesh
 
 CUBE = {"type": "cube"}
-BSPTREE = "tree, count, expand"
+BSPTREE = "tree, count, cache, expand"
 NATIVE = "count, check, expand, kd_intersection_cost, kd_traversal_cost"
 
 
@@ -39,6 +39,7 @@ def ellipsoids() -> dict[str, Any]:
         ({"colour": 3}, f'a bsptree with tree=kd has no property "colour": its properties are {BSPTREE}, '),
         ({"k": 6}, f'a bsptree with tree=kd has no property "k": its properties are {BSPTREE}, '),
         ({"to_world": place}, 'has no property "to_world": its properties are'),
+        ({"cache": 3}, 'the property "cache" of a bsptree is a text: the path of a folder'),
         ({"tree": "oak"}, "there is no tree 'oak': the trees are kd, rbsp, random, normals, clustered, brute"),
         ({"tree": 3}, "there is no tree '3': the trees are kd, rbsp, random, normals, clustered, brute"),
         ({"tree": "random", "k": 0}, "k=0 is not valid: k is an integer from 1 to 32"),

@@ -186,13 +186,35 @@ def test_specs_and_repeats_can_be_added_later(workers: Workers, options: Options
     assert len(done) == 8 and set(done.values()) == {4}
 
 
-@pytest.mark.parametrize("change", [{"threads": 3}, {"params": {"spp": "5"}}, {"variant": "scalar_spectral"}])
+@pytest.mark.parametrize(
+    "change",
+    [{"threads": 3}, {"params": {"spp": "5"}}, {"variant": "scalar_spectral"}, {"cache": Path("trees")}],
+)
 def test_runs_with_other_settings_do_not_mix(workers: Workers, options: Options, change: dict[str, object]) -> None:
     compare(options, Listener())
     before = lines(options)
     with pytest.raises(ValueError, match=f"{next(iter(change))}.*choose another --out"):
         compare(replace(options, **change), Listener())
     assert lines(options) == before
+
+
+def test_saved_trees_are_used_only_if_asked_for_and_the_record_says_so(workers: Workers, options: Options) -> None:
+    compare(options, Listener())
+    assert {job.cache for job in workers.jobs} == {""} and not any(row["cache"] for row in lines(options))
+    workers.jobs.clear()
+    kept = replace(options, out=options.out / "kept", cache=Path("trees"))
+    compare(kept, Listener())
+    assert {job.cache for job in workers.jobs} == {"trees"} and all(row["cache"] for row in lines(kept))
+
+
+def test_folders_from_before_there_were_saved_trees_go_on(workers: Workers, options: Options) -> None:
+    compare(replace(options, repeats=3), Listener())
+    for name in ("records.jsonl", "counters.jsonl"):
+        rows = [json.loads(line) for line in (options.out / name).read_text().splitlines()]
+        texts = [json.dumps({key: value for key, value in row.items() if key != "cache"}) for row in rows]
+        (options.out / name).write_text("".join(text + "\n" for text in texts))
+    compare(replace(options, repeats=4), Listener())
+    assert len(lines(options)) == 32
 
 
 def test_a_failed_job_is_recorded_and_the_others_finish(workers: Workers, options: Options) -> None:

@@ -55,12 +55,12 @@ class TestDescription:
 
     def test_the_group_holds_the_meshes_in_order_and_the_settings(self, room: Path) -> None:
         loaded, spec = open_file(room), parse_spec("normals:k=4")
-        state = loaded.regrouped(spec, count=True)
+        state = loaded.regrouped(spec, count=True, cache=Path("trees"))
         group = next(node.props for node in state.nodes if node.props.plugin_name() == "bsptree")
         children = [group[key] for key in group if group.type(key) == mi.Properties.Type.Object]
         assert [child.ptr for child in children] == [mesh.ptr for mesh in loaded.meshes]
         given = {key: group[key] for key in group if group.type(key) != mi.Properties.Type.Object}
-        plugin_keys = {"tree": "normals", "expand": False, "count": True}
+        plugin_keys = {"tree": "normals", "expand": False, "count": True, "cache": "trees"}
         assert plugin_keys.items() <= given.items()
         settings = {key: value for key, value in given.items() if key not in plugin_keys}
         assert make_spec("normals", settings, "").settings == spec.settings
