@@ -146,7 +146,9 @@ public:
     TemporaryFile(const TemporaryFile &) = delete;
     TemporaryFile &operator=(const TemporaryFile &) = delete;
 
-    void write(const void *data, std::size_t bytes) { check(std::fwrite(data, 1, bytes, m_file.get()) == bytes); }
+    void write(const void *data, std::size_t bytes) {
+        check(bytes == 0 || std::fwrite(data, 1, bytes, m_file.get()) == bytes);
+    }
 
     void rename(const fs::path &final_path) {
         check(std::fclose(m_file.release()) == 0);
