@@ -17,6 +17,12 @@ struct Plane {
     float offset;
 };
 
+/// Some of the bytes that an accelerator reads while it answers.
+struct MemoryPart {
+    const void *data;
+    std::size_t size;
+};
+
 /// What a tree is made of. Zero for brute force where it does not apply.
 struct Statistics {
     std::string spec;
@@ -42,6 +48,8 @@ public:
 
     /// All split planes, in the order of the nodes; none for brute force.
     virtual std::vector<Plane> planes() const = 0;
+    /// Nodes and triangles, byte by byte the same for equal input and settings.
+    virtual std::vector<MemoryPart> memory() const = 0;
 
     const Statistics &statistics() const { return m_statistics; }
     const Bounds &bounds() const { return m_bounds; } ///< of the triangles; empty if there are none

@@ -1,8 +1,10 @@
 /// The shape `bsptree`: meshes under one of this project's trees.
-/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `expand` (see bspmember.cpp).
+/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `record` (a file that gets
+/// every ray, see ray_recorder.h; they are counted too), `expand` (see bspmember.cpp).
 #include "accelerator.h"
 #include "member.h"
 #include "ray_counters.h"
+#include "ray_recorder.h"
 #include "triangle_test.h"
 #include "variants.h"
 
@@ -15,13 +17,16 @@ public:
     using typename Base::Hit;
 
     explicit BSPTree(const Properties &props)
-        : Base(props), m_settings(read_settings(props)), m_count(read_flag(props, "count", false)) {
+        : Base(props), m_settings(read_settings(props)), m_recorder(open_recorder(props)),
+          m_count(read_flag(props, "count", false) || m_recorder) {
         rebuild();
     }
 
     Hit closest(const Ray3f &ray) const override {
         if (!m_count)
             return locate(m_tree->closest(to_ray(ray)));
+        if (m_recorder)
+            m_recorder->write(to_ray(ray), false);
         bsp::Counters counters;
         const bsp::Hit hit = m_tree->count_closest(to_ray(ray), counters);
         m_counters.closest += counters;
@@ -31,6 +36,8 @@ public:
     bool any(const Ray3f &ray) const override {
         if (!m_count)
             return m_tree->any(to_ray(ray));
+        if (m_recorder)
+            m_recorder->write(to_ray(ray), true);
         bsp::Counters counters;
         const bool found = m_tree->count_any(to_ray(ray), counters);
         m_counters.any += counters;
@@ -46,7 +53,10 @@ public:
         return hit ? ScalarPoint2f(hit->u, hit->v) : nearest_weights(corners, ray);
     }
 
+    /// Whoever asks may then read the recorded rays, too.
     std::string statistics() const override {
+        if (m_recorder)
+            m_recorder->flush();
         const bsp::Statistics &s = m_tree->statistics();
         std::ostringstream oss;
         oss << "{\"spec\": \"" << s.spec << "\", \"triangles\": " << s.triangles
@@ -101,7 +111,7 @@ protected:
 private:
     static bsp::Settings read_settings(const Properties &props) {
         const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
-        std::vector<std::string> names{"tree", "count", "expand"};
+        std::vector<std::string> names{"tree", "count", "record", "expand"};
         bsp::Options options;
         for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {
             names.push_back(setting.name);
@@ -110,6 +120,11 @@ private:
         }
         check_names(props, "a bsptree with tree=" + tree, names);
         return bsp::make_settings(tree, options);
+    }
+
+    static std::unique_ptr<RayRecorder> open_recorder(const Properties &props) {
+        const std::string path = props.has_property("record") ? read_text(props, "record") : "";
+        return path.empty() ? nullptr : std::make_unique<RayRecorder>(path);
     }
 
     static bsp::Ray to_ray(const Ray3f &ray) {
@@ -126,6 +141,7 @@ private:
     }
 
     bsp::Settings m_settings;
+    std::unique_ptr<RayRecorder> m_recorder; ///< of rays, if they are recorded
     bool m_count;
     std::vector<uint32_t> m_starts; ///< first triangle of each child
     std::unique_ptr<bsp::Accelerator> m_tree;
