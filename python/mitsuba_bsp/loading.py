@@ -51,10 +51,13 @@ class LoadedScene:
         """Class names and counts of the shapes that stay outside the accelerator."""
         return dict(other_shapes([child for _, child in self.children]))
 
-    def regrouped(self, spec: Spec, count: bool = False) -> mi.parser.ParserState:
-        """The scene description with its meshes under `spec`, ready for `construct`."""
+    def regrouped(self, spec: Spec, count: bool = False, record: str = "") -> mi.parser.ParserState:
+        """The scene description with its meshes under `spec`, ready for `construct`.
+
+        Our trees then `count` the work for rays, or count it and write every ray to the file `record`.
+        """
         state = mi.parser.ParserState(self.state)
-        regroup(state, self.children, spec, count)
+        regroup(state, self.children, spec, count, record)
         return state
 
     def construct(self, state: mi.parser.ParserState) -> mi.Scene:

@@ -50,10 +50,13 @@ def dissolve(state: mi.parser.ParserState) -> None:
     state.nodes[0].props = props
 
 
-def regroup(state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Object]], spec: Spec, count: bool) -> None:
+def regroup(
+    state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Object]], spec: Spec, count: bool, record: str = ""
+) -> None:
     """Rewrite the root of `state` so that it holds `children` under the accelerator `spec`.
 
-    `children` are the scene's objects with their property names, in order; `count` asks our trees for ray counters.
+    `children` are the scene's objects with their property names, in order; `count` asks our trees for ray counters,
+    `record` names a file to which they write every ray.
     ValueError if `spec` is `brute` and the scene is too large for it.
     """
     root = _without_objects(state.nodes[0].props)
@@ -68,12 +71,12 @@ def regroup(state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Objec
         root[key] = mi.Properties.ResolvedReference(next(members)) if grouped else child
     state.nodes[0].props = root
     if meshes:
-        _append_shape(state, _group(spec, count, meshes))
+        _append_shape(state, _group(spec, count, record, meshes))
     for index, mesh in enumerate(meshes):
         _append_shape(state, _member(mesh.id(), group_index, index))
 
 
-def _group(spec: Spec, count: bool, meshes: Sequence[mi.Mesh]) -> mi.Properties:
+def _group(spec: Spec, count: bool, record: str, meshes: Sequence[mi.Mesh]) -> mi.Properties:
     """The node that holds the meshes and knows the settings of the accelerator."""
     props = mi.Properties(spec.plugin)
     for index, mesh in enumerate(meshes):
@@ -82,7 +85,7 @@ def _group(spec: Spec, count: bool, meshes: Sequence[mi.Mesh]) -> mi.Properties:
     if spec.is_tree:
         # As text, so that the plugin reads exactly what the spec says.
         settings |= {key: value_text(value) for key, value in spec.settings.items()}
-        settings |= {"tree": spec.name, "count": count}
+        settings |= {"tree": spec.name, "count": count, "record": record}
     else:
         settings |= spec.settings
     for key, value in settings.items():
@@ -153,6 +156,8 @@ def _check_settings(plugin: str, props: mi.Properties, place: str) -> None:
     """ValueError unless the settings that the file gives to a group are valid."""
     objects = set(_object_keys(props))
     given = {key: _text(props, key) for key in props if key not in objects}
+    if plugin == "bsptree":
+        given.pop("record", None)
     try:
         if plugin == "merge":
             if given:

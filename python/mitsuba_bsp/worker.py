@@ -22,6 +22,7 @@ from .exr import write_exr
 from .jobs import Job
 from .loading import LoadedScene, open_file, parsed_file
 from .messages import one_sentence
+from .ray_jobs import record, replay
 from .render_setup import fix_block_size, has_box_filter, set_resolution, use_box_filter
 from .scene_hash import referenced_file, scene_hash
 from .spec import parse_spec
@@ -213,6 +214,8 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "time": _time,
     "render": _render_once,
     "blame": _blame,
+    "record": record,
+    "replay": replay,
 }
 
 if __name__ == "__main__":
