@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
-from .bench_rays_table import LEGEND, make_ray_tables
+from .bench_rays_table import LEGEND, NO_MISSES, make_ray_tables
 from .loading import VARIANTS
 from .machine import describe
 from .records import ResultsFolder
 from .replays import RESOLUTION, SPP, RayOptions, replay_scenes
 from .spec import parse_spec
-from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, chosen_scenes, out, parameter, positive
+from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, chosen_scenes, out, parameter, positive, say
 from .text_table import TextTable, print_text_tables, text_markdown
 
 DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
@@ -80,10 +80,12 @@ def run_replays(options: RayOptions) -> tuple[ProgressBar, int]:
     with ProgressBar() as bar:
         try:
             replay_scenes(options, bar)
+            status = JOB_FAILED if bar.failures else OK
         except KeyboardInterrupt:
-            bar.note(f"interrupted: finished scenes are kept in {options.out}, --out {options.out} goes on from there")
-            return bar, INTERRUPTED
-    return bar, JOB_FAILED if bar.failures else OK
+            status = INTERRUPTED
+    if status == INTERRUPTED:
+        say("interrupted", f"finished scenes are kept in {options.out}, --out {options.out} goes on from there", "red")
+    return bar, status
 
 
 def show(options: RayOptions, title: str, legend: str, tables: list[TextTable], bar: ProgressBar) -> None:
@@ -99,6 +101,9 @@ def _bench_rays(args: argparse.Namespace) -> int:
     options = ray_options(args, chosen_scenes(args.scenes), "bench-rays", MIN_REPEATS, args.specs)
     bar, status = run_replays(options)
     if bar.scenes:
-        tables = make_ray_tables(bar.scenes, options, ResultsFolder(options.out))
+        folder = ResultsFolder(options.out)
+        tables = make_ray_tables(bar.scenes, options, folder)
+        if any(row["cache_misses"] is None for row in folder.records()):
+            say("note", NO_MISSES, "yellow")
         show(options, "Replayed rays", LEGEND, tables, bar)
     return status

@@ -72,6 +72,9 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
     """
     folder = ResultsFolder(options.out)
     scenes = preflight(options, folder, listener.note, images=False)
+    for scene in scenes:
+        if not scene.triangles:
+            raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to trace rays in")
     folder.prepare("streams")
     run = _Run(options, listener, folder, [])
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
