@@ -85,7 +85,9 @@ def _group(spec: Spec, count: bool, record: str, meshes: Sequence[mi.Mesh]) -> m
     if spec.is_tree:
         # As text, so that the plugin reads exactly what the spec says.
         settings |= {key: value_text(value) for key, value in spec.settings.items()}
-        settings |= {"tree": spec.name, "count": count, "record": record}
+        settings |= {"tree": spec.name, "count": count}
+        if record:
+            settings["record"] = record
     else:
         settings |= spec.settings
     for key, value in settings.items():
