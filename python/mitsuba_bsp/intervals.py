@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import bootstrap
 
 CONFIDENCE = 0.95
 
@@ -27,6 +26,8 @@ class Interval:
 
 def median_interval(values: Sequence[float]) -> Interval:
     """The median and its percentile-bootstrap interval."""
+    from scipy.stats import bootstrap
+
     if len(values) < 2:
         return Interval(values[0], values[0], values[0])
     found = bootstrap(

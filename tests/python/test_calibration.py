@@ -14,13 +14,13 @@ CONSTANTS = np.array([30.0, 80.0])
 
 
 def synthetic(noise: float = 0.0, prices: np.ndarray = PRICES) -> Measurements:
-    """Two scenes, twenty trees each, three streams a tree."""
+    """Two streams of different scenes, twenty trees each, three measurements a tree."""
     rng = np.random.default_rng(0)
     tree = np.repeat(np.arange(40), 3)
-    scene = tree // 20
+    stream = tree // 20
     counters = rng.uniform(1, 60, (120, 3))
-    ns = (counters @ prices + CONSTANTS[scene]) * (1 + noise * rng.standard_normal(120))
-    return Measurements(("one", "two"), scene, tree, counters, ns)
+    ns = (counters @ prices + CONSTANTS[stream]) * (1 + noise * rng.standard_normal(120))
+    return Measurements(("one", "two"), stream, tree, counters, ns)
 
 
 def test_clean_times_give_the_constants_back() -> None:
@@ -60,7 +60,7 @@ def test_measurements_are_medians_of_each_tree_and_stream() -> None:
         for ns in times
     ]
     data = measurements(rows)
-    assert data.scenes == ("a",) and list(data.tree) == [0, 1] and list(data.ns) == [2, 4]
+    assert data.streams == ("a, camera",) and list(data.tree) == [0, 1] and list(data.ns) == [2, 4]
     assert data.counters.tolist() == [[10, 2, 15]] * 2
 
 
