@@ -151,5 +151,6 @@ def _solve(data: Measurements, rows: NDArray[np.intp]) -> NDArray[np.float64]:
 
 
 def _interval(value: float, resampled: NDArray[np.float64]) -> Interval:
-    low, high = np.nanquantile(resampled, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    bounds = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
+    low, high = np.nanquantile(resampled, bounds, method="inverted_cdf")  # which takes infinite ratios
     return Interval(float(value), float(low), float(high))
