@@ -1,6 +1,4 @@
 /// The Python extension over the core: trees from arrays, rays from arrays, statistics. No Mitsuba here.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
@@ -8,7 +6,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -16,7 +13,8 @@
 #include "accelerator.h"
 #include "builder.h"
 #include "faults.h"
-#include "parallel.h"
+#include "ray_arrays.h"
+#include "replay.h"
 #include "settings.h"
 
 #if defined(__clang__)
@@ -27,21 +25,9 @@
 
 namespace nb = nanobind;
 using namespace nb::literals;
+using namespace bindings;
 
 namespace {
-
-using Rows3 = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Faces = nb::ndarray<const std::uint32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-constexpr std::size_t rays_per_task = 1024;
-
-/// A NumPy array that owns `values`.
-template <typename T> nb::ndarray<nb::numpy, T> to_numpy(std::vector<T> values) {
-    auto *owned = new std::vector<T>(std::move(values));
-    nb::capsule owner(owned, [](void *p) noexcept { delete static_cast<std::vector<T> *>(p); });
-    return nb::ndarray<nb::numpy, T>(owned->data(), {owned->size()}, owner);
-}
 
 bsp::Options to_options(const std::map<std::string, std::string> &options) { return {options.begin(), options.end()}; }
 
@@ -80,38 +66,6 @@ struct Tree {
     }
 };
 
-/// Rays given as arrays: (r, 3) origins, (r, 3) directions, (r,) ends.
-class RayArrays {
-public:
-    RayArrays(Rows3 origins, Rows3 directions, Values maxt)
-        : m_origins(std::move(origins)), m_directions(std::move(directions)), m_maxt(std::move(maxt)) {
-        if (m_directions.shape(0) != size() || m_maxt.shape(0) != size())
-            throw std::invalid_argument("there are " + std::to_string(size()) + " origins, " +
-                                        std::to_string(m_directions.shape(0)) + " directions and " +
-                                        std::to_string(m_maxt.shape(0)) + " values of maxt: the numbers must be equal");
-    }
-
-    std::size_t size() const { return m_origins.shape(0); }
-
-    bsp::Ray operator[](std::size_t i) const {
-        const float *o = m_origins.data() + 3 * i, *d = m_directions.data() + 3 * i;
-        return {{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, m_maxt.data()[i]};
-    }
-
-private:
-    Rows3 m_origins, m_directions;
-    Values m_maxt;
-};
-
-/// Calls `trace(i, ray)` for every ray, on all threads, in the floating-point environment of the standard.
-template <typename Trace> void for_each_ray(const RayArrays &rays, const Trace &trace) {
-    nb::gil_scoped_release release;
-    bsp::parallel_for(rays.size(), rays_per_task, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i)
-            trace(i, rays[i]);
-    });
-}
-
 nb::dict closest(const Tree &tree, Rows3 origins, Rows3 directions, Values maxt) {
     const RayArrays rays(std::move(origins), std::move(directions), std::move(maxt));
     std::vector<float> t(rays.size()), u(rays.size()), v(rays.size());
@@ -140,25 +94,27 @@ nb::ndarray<nb::numpy, std::uint8_t> any(const Tree &tree, Rows3 origins, Rows3 
 
 nb::dict count(const Tree &tree, Rows3 origins, Rows3 directions, Values maxt, bool any_hit) {
     const RayArrays rays(std::move(origins), std::move(directions), std::move(maxt));
-    std::vector<std::uint64_t> axis_steps(rays.size()), oblique_steps(rays.size()), leaves(rays.size()),
-        tests(rays.size());
-    for_each_ray(rays, [&](std::size_t i, const bsp::Ray &ray) {
-        bsp::Counters counters;
+    return count_rays(rays, [&](const bsp::Ray &ray, bsp::Counters &counters) {
         if (any_hit)
             tree.accelerator->count_any(ray, counters);
         else
             tree.accelerator->count_closest(ray, counters);
-        axis_steps[i] = counters.axis_steps;
-        oblique_steps[i] = counters.oblique_steps;
-        leaves[i] = counters.leaves;
-        tests[i] = counters.triangle_tests;
     });
-    nb::dict result;
-    result["axis_steps"] = to_numpy(std::move(axis_steps));
-    result["oblique_steps"] = to_numpy(std::move(oblique_steps));
-    result["leaves_visited"] = to_numpy(std::move(leaves));
-    result["triangle_tests"] = to_numpy(std::move(tests));
-    return result;
+}
+
+nb::tuple time_rays(const Tree &tree, Rows3 origins, Rows3 directions, Values maxt, bool any_hit) {
+    const RayArrays rays(std::move(origins), std::move(directions), std::move(maxt));
+    if (any_hit)
+        return replay(rays, [&](const bsp::Ray &ray) { return float(tree.accelerator->any(ray)); });
+    return replay(rays, [&](const bsp::Ray &ray) { return tree.accelerator->closest(ray).t; });
+}
+
+/// The accelerator's memory as read-only arrays, which keep the tree alive.
+nb::list memory(nb::handle self) {
+    nb::list parts;
+    for (const bsp::MemoryPart &part : nb::cast<const Tree &>(self).accelerator->memory())
+        parts.append(nb::ndarray<nb::numpy, const std::uint8_t>(part.data, {part.size}, self));
+    return parts;
 }
 
 /// Planes considered and different planes, per level and (last) of the whole tree.
@@ -224,6 +180,8 @@ NB_MODULE(_core, m) {
         .def("closest", &closest, "origins"_a, "directions"_a, "maxt"_a)
         .def("any", &any, "origins"_a, "directions"_a, "maxt"_a)
         .def("count", &count, "origins"_a, "directions"_a, "maxt"_a, "any_hit"_a = false)
+        .def("time", &time_rays, "origins"_a, "directions"_a, "maxt"_a, "any_hit"_a = false)
+        .def("memory", &memory)
         .def("statistics", [](const Tree &tree) { return bsp::to_json(tree.accelerator->statistics()); })
         .def("warning", [](const Tree &tree) { return tree.accelerator->statistics().warning; })
         .def("planes", &planes);

@@ -45,6 +45,9 @@ public:
 
     bool any(const Ray &ray) const noexcept override { return closest(ray).found(); }
     std::vector<Plane> planes() const override { return {}; }
+    std::vector<MemoryPart> memory() const override {
+        return {{m_triangles.data(), m_triangles.size() * sizeof m_triangles[0]}};
+    }
 
     Hit count_closest(const Ray &ray, Counters &counters) const noexcept override {
         ++counters.rays;

@@ -18,6 +18,12 @@ struct Plane {
     float offset;
 };
 
+/// Some of the bytes that an accelerator reads while it answers.
+struct MemoryPart {
+    const void *data;
+    std::size_t size;
+};
+
 /// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw. A
 /// ray with a component that is not finite, or without direction, hits nothing.
 class Accelerator {
@@ -31,6 +37,8 @@ public:
 
     /// All split planes, in the order of the nodes; none for brute force.
     virtual std::vector<Plane> planes() const = 0;
+    /// Nodes and triangles, byte by byte the same for equal input and settings.
+    virtual std::vector<MemoryPart> memory() const = 0;
 
     const Statistics &statistics() const { return m_statistics; }
     const Bounds &bounds() const { return m_bounds; } ///< of the triangles; empty if there are none

@@ -27,6 +27,10 @@ public:
     }
 
     std::vector<Plane> planes() const override { return planes_of(m_layout); }
+    std::vector<MemoryPart> memory() const override {
+        return {{m_layout.words.data(), m_layout.words.size() * sizeof(NodeWord)},
+                {m_layout.blocks.data(), m_layout.blocks.size() * sizeof(TriangleBlock)}};
+    }
 
 private:
     template <typename Query, typename Counting> auto run(const Ray &ray, Counting counting) const noexcept {

@@ -1,6 +1,7 @@
 /// The shape `bsptree`: meshes under one of this project's trees.
-/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `cache` (a folder in which
-/// built trees are kept), `expand` (see bspmember.cpp).
+/// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `record` (a file that gets
+/// every ray, see ray_recorder.h; they are counted too), `cache` (a folder in which built trees are kept), `expand`
+/// (see bspmember.cpp).
 #include <mitsuba/core/progress.h>
 
 #include <chrono>
@@ -10,6 +11,7 @@
 #include "accelerator.h"
 #include "member.h"
 #include "ray_counters.h"
+#include "ray_recorder.h"
 #include "triangle_test.h"
 #include "variants.h"
 
@@ -23,7 +25,7 @@ public:
 
     explicit BSPTree(const Properties &props)
         : Base(props), m_settings(read_settings(props)), m_cache(read_folder(props, "cache")),
-          m_count(read_flag(props, "count", false)) {
+          m_recorder(open_recorder(props)), m_count(read_flag(props, "count", false) || m_recorder) {
         rebuild();
         m_cache.clear(); // edited geometry is seldom seen again: keeping its trees would only fill the folder
     }
@@ -31,6 +33,8 @@ public:
     Hit closest(const Ray3f &ray) const override {
         if (!m_count)
             return locate(m_tree->closest(to_ray(ray)));
+        if (m_recorder)
+            m_recorder->write(to_ray(ray), false);
         bsp::Counters counters;
         const bsp::Hit hit = m_tree->count_closest(to_ray(ray), counters);
         m_counters.closest += counters;
@@ -40,6 +44,8 @@ public:
     bool any(const Ray3f &ray) const override {
         if (!m_count)
             return m_tree->any(to_ray(ray));
+        if (m_recorder)
+            m_recorder->write(to_ray(ray), true);
         bsp::Counters counters;
         const bool found = m_tree->count_any(to_ray(ray), counters);
         m_counters.any += counters;
@@ -55,7 +61,10 @@ public:
         return hit ? ScalarPoint2f(hit->u, hit->v) : nearest_weights(corners, ray);
     }
 
+    /// Whoever asks may then read the recorded rays, too.
     std::string statistics() const override {
+        if (m_recorder)
+            m_recorder->flush();
         std::string text = bsp::to_json(m_tree->statistics());
         if (!m_count)
             return text;
@@ -102,7 +111,7 @@ protected:
 private:
     static bsp::Settings read_settings(const Properties &props) {
         const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
-        std::vector<std::string> names{"tree", "count", "cache", "expand"};
+        std::vector<std::string> names{"tree", "count", "record", "cache", "expand"};
         bsp::Options options;
         for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {
             names.push_back(setting.name);
@@ -129,6 +138,11 @@ private:
         return building.get();
     }
 
+    static std::unique_ptr<RayRecorder> open_recorder(const Properties &props) {
+        const std::string path = props.has_property("record") ? read_text(props, "record") : "";
+        return path.empty() ? nullptr : std::make_unique<RayRecorder>(path);
+    }
+
     static bsp::Ray to_ray(const Ray3f &ray) {
         return {{ray.o.x(), ray.o.y(), ray.o.z()}, {ray.d.x(), ray.d.y(), ray.d.z()}, ray.maxt};
     }
@@ -143,7 +157,8 @@ private:
     }
 
     bsp::Settings m_settings;
-    std::string m_cache; ///< folder of saved trees, empty for none
+    std::string m_cache;                     ///< folder of saved trees, empty for none
+    std::unique_ptr<RayRecorder> m_recorder; ///< of rays, if they are recorded
     bool m_count;
     std::vector<uint32_t> m_starts; ///< first triangle of each child
     std::unique_ptr<bsp::Accelerator> m_tree;

@@ -70,6 +70,11 @@ public:
 
     size_t node_count() const { return this->m_node_count; }
     size_t reference_count() const { return this->m_index_count; }
+    /// Nodes and lists of triangles, as they lie in memory.
+    std::vector<std::pair<const void *, size_t>> memory() const {
+        return {{this->m_nodes.get(), node_count() * sizeof(KDNode)},
+                {this->m_indices.get(), reference_count() * sizeof(uint32_t)}};
+    }
     size_t bytes() const { return node_count() * sizeof(KDNode) + reference_count() * sizeof(uint32_t); }
 
     /// What can be reached from the root: Mitsuba also keeps the nodes of splits that it has taken back.

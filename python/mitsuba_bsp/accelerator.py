@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import json
+import os
 import warnings
 from pathlib import Path
-
 from typing import Any
 
 import numpy as np
@@ -90,8 +89,10 @@ class Accelerator:
         return self._tree.planes().reshape(-1, 4)
 
 
-def survey_planes(vertices: ArrayLike, faces: ArrayLike, spec: str) -> dict[str, list[tuple[int, int]] | tuple[int, int]]:
-    """The planes that the exact sweeps of a build look at: (considered, different) per level, root first, and in all.
+def survey_planes(
+    vertices: ArrayLike, faces: ArrayLike, spec: str
+) -> dict[str, list[tuple[int, int]] | tuple[int, int]]:
+    """The planes that the exact sweeps of a build look at: (considered, different) per level, root first; and in all.
 
     `vertices`, `faces` and errors are as for `Accelerator`. Estimates by bins are no planes: with `exact_below` as
     large as the mesh every direction is swept in every node, as in the papers. Figure 2.1 of Hoobergs's draft.
@@ -99,7 +100,7 @@ def survey_planes(vertices: ArrayLike, faces: ArrayLike, spec: str) -> dict[str,
     checked = parse_spec(spec)
     corners = _floats("vertices", vertices, (None, 3))
     *levels, whole = _core.survey_planes(corners, _faces(faces, len(corners)), checked.name, dict(checked.options))
-    return {"levels": levels, "tree": whole}
+    return levels, whole
 
 
 def faults() -> list[str]:

@@ -8,11 +8,9 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from . import plugin_dir, scenes_dir, specs
+from . import bench_rays_cli, calibrate_cli, plugin_dir, specs
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
 from .jobs import Job, JobError, run_job
@@ -22,15 +20,21 @@ from .messages import one_sentence
 from .records import ResultsFolder
 from .report_table import make_tables, markdown, print_tables
 from .spec import parse_spec, value_text
-
-OK, JOB_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+from .terminal import (
+    BAD_INPUT,
+    INTERRUPTED,
+    JOB_FAILED,
+    OK,
+    ProgressBar,
+    chosen_scenes,
+    err,
+    out,
+    parameter,
+    positive,
+    say,
+)
 
 DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
-
-#: Tables that go to a file or a pipe are not squeezed into 80 columns.
-_WIDTH = None if sys.stdout.isatty() else 120
-
-out, err = Console(highlight=False, width=_WIDTH), Console(stderr=True, highlight=False)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -39,10 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         status = args.run(args)
     except (ValueError, OSError) as error:
-        _say("error", one_sentence(error), "red")
+        say("error", one_sentence(error), "red")
         status = BAD_INPUT
     except KeyboardInterrupt:
-        _say("interrupted", "no image was written", "red")
+        say("interrupted", "no image was written", "red")
         status = INTERRUPTED
     sys.exit(status)
 
@@ -56,9 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument(
         "--specs", nargs="+", default=DEFAULT_SPECS, metavar="SPEC", help=f"default: {' '.join(DEFAULT_SPECS)}"
     )
-    sub.add_argument(
-        "--repeats", type=_positive, default=MIN_REPEATS, metavar="N", help="timed runs of each, 3 or more"
-    )
+    sub.add_argument("--repeats", type=positive, default=MIN_REPEATS, metavar="N", help="timed runs of each, 3 or more")
     sub.add_argument("--out", type=Path, metavar="DIR", help="results folder; if it has results, go on from there")
     _add_render_options(sub)
     sub.set_defaults(run=_compare)
@@ -71,6 +73,11 @@ def _parser() -> argparse.ArgumentParser:
     _add_render_options(sub)
     sub.set_defaults(run=_render)
 
+    bench = commands.add_parser("bench", help="measure one part of rendering at a time")
+    kinds = bench.add_subparsers(title="what is measured", required=True, metavar="WHAT")
+    bench_rays_cli.add_command(kinds)
+    calibrate_cli.add_command(commands)
+
     sub = commands.add_parser("specs", help="list the accelerators and their settings")
     sub.set_defaults(run=_list_specs)
     sub = commands.add_parser("plugin-dir", help="print the folder for the stock command: mitsuba -a DIR scene.xml")
@@ -79,10 +86,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_render_options(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel, default: the scene's")
-    sub.add_argument("--resolution", type=_positive, metavar="N", help="longer side in pixels, default: the scene's")
+    sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
+    sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
     sub.add_argument("--variant", choices=VARIANTS, default=VARIANTS[0], help="default: %(default)s")
-    sub.add_argument("--threads", type=_positive, default=available_threads(), metavar="N", help="default: all")
+    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
     sub.add_argument(
         "--cache", type=Path, metavar="DIR", help="keep built trees there and load them; default: build every time"
     )
@@ -90,17 +97,11 @@ def _add_render_options(sub: argparse.ArgumentParser) -> None:
         "-D",
         dest="params",
         action="append",
-        type=_parameter,
+        type=parameter,
         default=[],
         metavar="KEY=VALUE",
         help="set a parameter of the scene",
     )
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive integer")
-    return int(text)
 
 
 def _seed(text: str) -> int:
@@ -109,22 +110,12 @@ def _seed(text: str) -> int:
     return int(text)
 
 
-def _parameter(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not (key and equals):
-        raise argparse.ArgumentTypeError(f'"{text}" is not of the form key=value')
-    return key, value
-
-
 def _compare(args: argparse.Namespace) -> int:
     """`mitsuba-bsp compare`."""
     if args.repeats < MIN_REPEATS:
         raise ValueError(f"--repeats is {args.repeats}, but a median needs at least {MIN_REPEATS}")
-    scenes = args.scenes or sorted(scenes_dir().glob("*.xml"))
-    if not scenes:
-        raise ValueError(f"there are no built-in scenes in {scenes_dir()}: install the package again, or name a scene")
     options = Options(
-        scenes=tuple(path.absolute() for path in scenes),
+        scenes=chosen_scenes(args.scenes),
         specs=tuple(parse_spec(text) for text in dict.fromkeys(args.specs)),
         out=args.out or Path("results", f"compare-{datetime.now():%Y%m%d-%H%M%S}"),
         variant=args.variant,
@@ -135,7 +126,7 @@ def _compare(args: argparse.Namespace) -> int:
         repeats=args.repeats,
         cache=args.cache,
     )
-    with _ProgressBar() as bar:
+    with ProgressBar() as bar:
         try:
             scenes, failures, interrupted = *compare(options, bar), False
         except KeyboardInterrupt:
@@ -143,9 +134,7 @@ def _compare(args: argparse.Namespace) -> int:
     if scenes:
         _report(options, scenes, failures)
     if interrupted:
-        _say(
-            "interrupted", f"what was finished is kept in {options.out}, --out {options.out} goes on from there", "red"
-        )
+        say("interrupted", f"what was finished is kept in {options.out}, --out {options.out} goes on from there", "red")
         return INTERRUPTED
     return JOB_FAILED if failures else OK
 
@@ -157,43 +146,6 @@ def _report(options: Options, scenes: Sequence[SceneInfo], failures: Sequence[Fa
     (options.out / "table.md").write_text(markdown(tables, describe()), encoding="utf-8")
     print_tables(out, tables)
     out.print(f"Results are in {options.out}", soft_wrap=True, markup=False)
-
-
-class _ProgressBar:
-    """Shows a comparison on the terminal: a bar, the current job, and notes above it."""
-
-    def __init__(self) -> None:
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-        self._progress = Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=err)
-        self._task = self._progress.add_task("checking the scenes", total=None)
-        self.scenes: list[SceneInfo] = []
-        self.failures: list[Failure] = []
-
-    def __enter__(self) -> _ProgressBar:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-    def note(self, text: str) -> None:
-        self._progress.console.print(f"note: {text}", markup=False, soft_wrap=True)
-
-    def start(self, scenes: Sequence[SceneInfo], jobs: int, done: int) -> None:
-        self.scenes = list(scenes)
-        if done:
-            self.note(f"{done} of {jobs} jobs were finished by an earlier run into this folder and are kept")
-        self._progress.update(self._task, total=jobs, completed=done)
-
-    def begin(self, job: str) -> None:
-        self._progress.update(self._task, description=job)
-
-    def finish(self) -> None:
-        self._progress.advance(self._task)
-
-    def fail(self, failure: Failure) -> None:
-        self.failures.append(failure)
-        self.note(f"{failure.scene}, {failure.spec} failed: {failure.message}")
 
 
 def _render(args: argparse.Namespace) -> int:
@@ -225,7 +177,7 @@ def _render(args: argparse.Namespace) -> int:
             raise ValueError(str(error)) from None
     said = notes(result.values["others"], result.values["meshes"]) if spec.plugin else []
     for note in [*said, *result.warnings]:
-        _say("note", note, "yellow")
+        say("note", note, "yellow")
     how = "loaded" if result.values["statistics"].get("loaded") else "built"
     out.print(
         f"{args.output}: {how} in {result.values['build_s']:.3f} s, rendered in {result.values['render_s']:.3f} s",
@@ -250,7 +202,3 @@ def _print_plugin_dir(_: argparse.Namespace) -> int:
     """`mitsuba-bsp plugin-dir`."""
     print(plugin_dir())
     return OK
-
-
-def _say(kind: str, text: str, style: str) -> None:
-    err.print(f"mitsuba-bsp: {kind}: {text}", style=style, markup=False, soft_wrap=True)

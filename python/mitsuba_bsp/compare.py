@@ -45,7 +45,7 @@ class _Run:
         """Run one job; a failure is recorded and the comparison goes on."""
         self.listener.begin(label)
         try:
-            result = run_job(self.job(scene, spec, kind))
+            result = run_job(self.job(scene, spec, kind), lambda stage: self.listener.begin(f"{label} {_short(stage)}"))
         except JobError as error:
             failure = Failure(scene.name, spec.text, str(error))
             self.failures.append(failure)
@@ -79,6 +79,12 @@ class _Run:
             header=header if image else {},
             cache=str(self.options.cache or ""),
         )
+
+
+def _short(stage: str) -> str:
+    """What a worker does, in a word, and how far it is if it says so: (building 42%)."""
+    words = stage.split()
+    return f"({words[0]} {words[-1]})" if stage.endswith("%") else f"({words[0]})"
 
 
 def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:

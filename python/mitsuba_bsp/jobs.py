@@ -8,14 +8,18 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from .messages import one_sentence
 
-Kind = Literal["inspect", "count", "time", "render", "blame"]
+Kind = Literal["inspect", "count", "time", "render", "blame", "record", "replay"]
+
+
+#: How often a worker is asked what it is doing.
+STAGE_INTERVAL_S = 0.25
 
 
 class JobError(RuntimeError):
@@ -28,8 +32,9 @@ class Job:
 
     `inspect` loads it and describes it; `count` renders it with ray counters and the box filter; `time` measures
     building and rendering; `render` makes an image as the scene says; `blame` reads its mesh files one by one.
-    `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header. `cache` is
-    the folder in which trees are kept, if any.
+    `record` renders it once and writes its rays to `streams`; `replay` times those rays under each of `specs`.
+    `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
+    `cache` is the folder in which trees are kept, if any.
     """
 
     kind: Kind
@@ -44,6 +49,10 @@ class Job:
     image: str = ""
     header: Mapping[str, str] = field(default_factory=dict)
     cache: str = ""
+    specs: Sequence[str] = ()
+    repeats: int = 0
+    streams: str = ""
+    max_rays: int = 0
 
 
 @dataclass(frozen=True)
@@ -54,11 +63,14 @@ class JobResult:
     warnings: tuple[str, ...]
 
 
-def run_job(job: Job) -> JobResult:
-    """Run `job` in a child process and return what it found; JobError if it failed or died."""
+def run_job(job: Job, on_stage: Callable[[str], None] | None = None) -> JobResult:
+    """Run `job` in a child process and return what it found; JobError if it failed or died.
+
+    `on_stage` is told what the worker is doing, a few times a second.
+    """
     with tempfile.TemporaryDirectory(prefix="mitsuba_bsp-") as folder:
         answer = Path(folder, "answer.json")
-        status, output = _run_worker(job, answer)
+        status, output = _run_worker(job, answer, on_stage)
         found = json.loads(answer.read_text()) if answer.exists() else {"stage": "starting"}
     if "error" in found:
         raise JobError(found["error"])
@@ -71,7 +83,7 @@ def run_job(job: Job) -> JobResult:
 _WARNING = re.compile(r"^(?:\x1b\[\d+m)*WARN\s+(.*?)(?:\x1b\[0m)?$", re.MULTILINE)
 
 
-def _run_worker(job: Job, answer: Path) -> tuple[int, str]:
+def _run_worker(job: Job, answer: Path, on_stage: Callable[[str], None] | None = None) -> tuple[int, str]:
     """Exit status (negative: the signal that killed it) and output of a worker process."""
     command = [sys.executable, "-P", "-m", "mitsuba_bsp.worker", str(answer)]
     # A session of its own: Ctrl-C reaches this process only, which then ends the worker.
@@ -85,12 +97,31 @@ def _run_worker(job: Job, answer: Path) -> tuple[int, str]:
         start_new_session=True,
     )
     try:
-        output, _ = process.communicate(json.dumps(asdict(job)))
+        output = _wait(process, json.dumps(asdict(job)), answer, on_stage)
     finally:
         if process.poll() is None:
             process.kill()
             process.wait()
     return process.returncode, output
+
+
+def _wait(process: subprocess.Popen[str], job: str, answer: Path, on_stage: Callable[[str], None] | None) -> str:
+    """Give a worker its job, pass on what it says that it is doing, and return its output."""
+    unsent: str | None = job
+    while True:
+        try:
+            return process.communicate(unsent, timeout=STAGE_INTERVAL_S if on_stage else None)[0]
+        except subprocess.TimeoutExpired:
+            unsent = None
+            on_stage(_stage(answer))
+
+
+def _stage(answer: Path) -> str:
+    """What the worker says that it is doing, unless it is just writing it down."""
+    try:
+        return json.loads(answer.read_text())["stage"]
+    except (OSError, ValueError):
+        return "starting"
 
 
 def _death(job: Job, status: int, stage: str, output: str) -> str:

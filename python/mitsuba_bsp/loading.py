@@ -16,7 +16,7 @@ import mitsuba as mi
 
 from .messages import choices
 from .spec import Spec, parse_spec
-from .swap import dissolve, is_groupable, other_shapes, regroup
+from .swap import GroupOptions, dissolve, is_groupable, other_shapes, regroup
 
 VARIANTS = ("scalar_rgb", "scalar_spectral", "scalar_spectral_polarized")
 
@@ -51,10 +51,10 @@ class LoadedScene:
         """Class names and counts of the shapes that stay outside the accelerator."""
         return dict(other_shapes([child for _, child in self.children]))
 
-    def regrouped(self, spec: Spec, count: bool = False, cache: str | Path | None = None) -> mi.parser.ParserState:
+    def regrouped(self, spec: Spec, options: GroupOptions | None = None) -> mi.parser.ParserState:
         """The scene description with its meshes under `spec`, ready for `construct`."""
         state = mi.parser.ParserState(self.state)
-        regroup(state, self.children, spec, count, cache)
+        regroup(state, self.children, spec, options or GroupOptions())
         return state
 
     def construct(self, state: mi.parser.ParserState) -> mi.Scene:
@@ -220,7 +220,7 @@ def _finish(loaded: LoadedScene, spec: Spec, cache: str | Path | None) -> mi.Sce
     if spec.plugin:
         for note in notes(loaded.others, len(loaded.meshes)):
             mi.Log(mi.LogLevel.Warn, note)
-    return loaded.construct(loaded.regrouped(spec, cache=cache))
+    return loaded.construct(loaded.regrouped(spec, GroupOptions(cache=cache)))
 
 
 def notes(others: Mapping[str, int], meshes: int) -> list[str]:

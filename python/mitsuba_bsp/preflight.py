@@ -13,16 +13,21 @@ from .records import ResultsFolder, check_context
 from .spec import BRUTE_MAX_TRIANGLES, Spec
 
 
-def preflight(options: Options, folder: ResultsFolder, note: Callable[[str], None]) -> list[SceneInfo]:
+def preflight(
+    options: Options, folder: ResultsFolder, note: Callable[[str], None], images: bool = True
+) -> list[SceneInfo]:
     """Load every scene in a child process and check it against the options and what the folder already holds.
 
-    `note` is told what the user should know. ValueError, in one sentence, for anything wrong.
+    `note` is told what the user should know, also about `images` if they matter. ValueError, in one sentence, for
+    anything wrong.
     """
     named = list(_named(options.scenes))
     folder.check_writable()
     scenes = [_inspect(options, name, path, note) for name, path in named]
     spec_full = {spec.text: spec.full for spec in options.specs}
     for scene in scenes:
+        if images:
+            _note_images(scene, note)
         _check_brute(options.specs, scene)
         earlier = [*folder.records(), *folder.counted().values()]
         check_context(earlier, scene.name, spec_full, context(options, scene))
@@ -60,11 +65,14 @@ def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None
     scene = SceneInfo(name, path, **result.values)
     for text in [*notes(scene.others, scene.meshes), *result.warnings]:
         note(f"{name}: {text}")
-    if not scene.comparable:
-        note(f"{name}: its integrator has no fixed block size, so its images are not compared")
-    elif not scene.box_filter:
-        note(f"{name}: timed with its own pixel filter, images compared with the box filter")
     return scene
+
+
+def _note_images(scene: SceneInfo, note: Callable[[str], None]) -> None:
+    if not scene.comparable:
+        note(f"{scene.name}: its integrator has no fixed block size, so its images are not compared")
+    elif not scene.box_filter:
+        note(f"{scene.name}: timed with its own pixel filter, images compared with the box filter")
 
 
 def _check_brute(specs: Sequence[Spec], scene: SceneInfo) -> None:

@@ -38,9 +38,9 @@ class ResultsFolder:
         except OSError as error:
             raise ValueError(f"cannot write to the output folder {self.path}: {error.strerror}") from None
 
-    def prepare(self) -> None:
-        """Create the folder, and cut off a record whose writing was interrupted."""
-        (self.path / "images").mkdir(parents=True, exist_ok=True)
+    def prepare(self, subfolder: str = "images") -> None:
+        """Create the folder with a subfolder, and cut off a record whose writing was interrupted."""
+        (self.path / subfolder).mkdir(parents=True, exist_ok=True)
         for file in (self.records_file, self.counters_file, self.failures_file):
             _drop_unfinished_line(file)
 
@@ -74,10 +74,10 @@ class ResultsFolder:
         return {key: row for key, row in rows.items() if (self.path / str(row["image"])).is_file()}
 
 
-def append(file: Path, record: Record) -> None:
-    """Add one line and make sure that it is on disk."""
+def append(file: Path, *records: Record) -> None:
+    """Add a line for each and make sure that they are on disk."""
     with file.open("a", encoding="utf-8") as stream:
-        stream.write(json.dumps(record) + "\n")
+        stream.write("".join(json.dumps(record) + "\n" for record in records))
         stream.flush()
         os.fsync(stream.fileno())
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import mitsuba as mi
@@ -25,6 +26,16 @@ _NOT_PLAIN = ("EllipsoidsMesh",)
 
 #: Keys of the group plugins that are no setting of a tree.
 _PLUGIN_FLAGS = {"expand": ("true", "false"), "count": ("true", "false")}
+
+
+@dataclass(frozen=True)
+class GroupOptions:
+    """What our trees are asked for besides answers: to `count` the work for rays, to keep themselves in the folder
+    `cache`, to write every ray to the file `record` (and count)."""
+
+    count: bool = False
+    cache: str | Path | None = None
+    record: str | Path | None = None
 
 
 def is_groupable(thing: mi.Object) -> bool:
@@ -53,17 +64,12 @@ def dissolve(state: mi.parser.ParserState) -> None:
 
 
 def regroup(
-    state: mi.parser.ParserState,
-    children: Sequence[tuple[str, mi.Object]],
-    spec: Spec,
-    count: bool,
-    cache: str | Path | None,
+    state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Object]], spec: Spec, options: GroupOptions
 ) -> None:
     """Rewrite the root of `state` so that it holds `children` under the accelerator `spec`.
 
-    `children` are the scene's objects with their property names, in order; `count` asks our trees for ray counters,
-    `cache` is the folder in which they are kept, if any.
-    ValueError if `spec` is `brute` and the scene is too large for it.
+    `children` are the scene's objects with their property names, in order. ValueError if `spec` is `brute` and the
+    scene is too large for it.
     """
     root = _without_objects(state.nodes[0].props)
     if spec.name == "embree":
@@ -77,12 +83,12 @@ def regroup(
         root[key] = mi.Properties.ResolvedReference(next(members)) if grouped else child
     state.nodes[0].props = root
     if meshes:
-        _append_shape(state, _group(spec, count, cache, meshes))
+        _append_shape(state, _group(spec, options, meshes))
     for index, mesh in enumerate(meshes):
         _append_shape(state, _member(mesh.id(), group_index, index))
 
 
-def _group(spec: Spec, count: bool, cache: str | Path | None, meshes: Sequence[mi.Mesh]) -> mi.Properties:
+def _group(spec: Spec, options: GroupOptions, meshes: Sequence[mi.Mesh]) -> mi.Properties:
     """The node that holds the meshes and knows the settings of the accelerator."""
     props = mi.Properties(spec.plugin)
     for index, mesh in enumerate(meshes):
@@ -91,7 +97,8 @@ def _group(spec: Spec, count: bool, cache: str | Path | None, meshes: Sequence[m
     if spec.is_tree:
         # As text, so that the plugin reads exactly what the spec says.
         settings |= {key: value_text(value) for key, value in spec.settings.items()}
-        settings |= {"tree": spec.name, "count": count, "cache": os.fspath(cache or "")}
+        settings |= {"tree": spec.name, "count": options.count}
+        settings |= {key: os.fspath(getattr(options, key) or "") for key in ("cache", "record")}
     else:
         settings |= spec.settings
     for key, value in settings.items():
@@ -180,7 +187,8 @@ def _check_tree_settings(plugin: str, given: Mapping[str, str]) -> None:
     name = "native"
     if plugin == "bsptree":
         name = options.pop("tree", "kd")
-        options.pop("cache", None)
+        for path in ("cache", "record"):
+            options.pop(path, None)
     make_spec(name, options, plugin)
 
 

@@ -22,9 +22,11 @@ from .exr import write_exr
 from .jobs import Job
 from .loading import LoadedScene, open_file, parsed_file
 from .messages import one_sentence
+from .ray_jobs import record, replay
 from .render_setup import fix_block_size, has_box_filter, set_resolution, use_box_filter
 from .scene_hash import referenced_file, scene_hash
 from .spec import parse_spec
+from .swap import GroupOptions
 from .tree_statistics import statistics
 
 Stage = Callable[[str], None]
@@ -42,6 +44,7 @@ def main() -> None:
 
     try:
         _set_up(job)
+        mi.logger().add_appender(_BuildProgress(job, stage))
         reached["values"] = _KINDS[job.kind](job, stage)
     # Whatever goes wrong is the parent's to report: this process has no other voice.
     except Exception as error:  # noqa: BLE001
@@ -56,6 +59,21 @@ def _set_up(job: Job) -> None:
     for part in (formatter.set_has_date, formatter.set_has_thread, formatter.set_has_class):
         part(False)
     dr.set_thread_count(job.threads)
+
+
+class _BuildProgress(mi.Appender):
+    """Turns the progress bar of a tree's building into stages."""
+
+    def __init__(self, job: Job, stage: Stage) -> None:
+        super().__init__()
+        self._job, self._stage = job, stage
+
+    def append(self, level: mi.LogLevel, text: str) -> None:
+        """Messages are others' business."""
+
+    def log_progress(self, progress: float, name: str, formatted: str, eta: str, payload: object = None) -> None:
+        if name.startswith("Building"):
+            self._stage(f"building {self._job.spec} for {self._job.scene}, {progress:.0%}")
 
 
 def _load(job: Job, stage: Stage, box: bool) -> LoadedScene:
@@ -74,7 +92,7 @@ def _load(job: Job, stage: Stage, box: bool) -> LoadedScene:
 
 def _construct(job: Job, loaded: LoadedScene, stage: Stage, count: bool = False) -> tuple[mi.Scene, float]:
     """The scene, and the seconds it took to construct it from loaded objects."""
-    state = loaded.regrouped(parse_spec(job.spec), count, job.cache)
+    state = loaded.regrouped(parse_spec(job.spec), GroupOptions(count=count, cache=job.cache))
     stage(f"building {job.spec} for {job.scene}")
     start = time.perf_counter()
     scene = loaded.construct(state)
@@ -213,6 +231,8 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "time": _time,
     "render": _render_once,
     "blame": _blame,
+    "record": record,
+    "replay": replay,
 }
 
 if __name__ == "__main__":

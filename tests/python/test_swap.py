@@ -13,6 +13,7 @@ import mitsuba_bsp
 from mitsuba_bsp import parse_spec
 from mitsuba_bsp.loading import LoadedScene, open_file
 from mitsuba_bsp.spec import make_spec
+from mitsuba_bsp.swap import GroupOptions
 
 CUBE = '<shape type="cube"/>'
 
@@ -55,7 +56,7 @@ class TestDescription:
 
     def test_the_group_holds_the_meshes_in_order_and_the_settings(self, room: Path) -> None:
         loaded, spec = open_file(room), parse_spec("normals:k=4")
-        state = loaded.regrouped(spec, count=True, cache=Path("trees"))
+        state = loaded.regrouped(spec, GroupOptions(count=True, cache=Path("trees")))
         group = next(node.props for node in state.nodes if node.props.plugin_name() == "bsptree")
         children = [group[key] for key in group if group.type(key) == mi.Properties.Type.Object]
         assert [child.ptr for child in children] == [mesh.ptr for mesh in loaded.meshes]
@@ -66,7 +67,7 @@ class TestDescription:
         assert make_spec("normals", settings, "").settings == spec.settings
 
     def test_native_gets_its_own_plugin(self, room: Path) -> None:
-        state = open_file(room).regrouped(parse_spec("native:kd_clip=false"), count=True)
+        state = open_file(room).regrouped(parse_spec("native:kd_clip=false"), GroupOptions(count=True))
         group = next(node.props for node in state.nodes if node.props.plugin_name() == "nativekdtree")
         assert group["kd_clip"] is False
         assert "count" not in group and "tree" not in group

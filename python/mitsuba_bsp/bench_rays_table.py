@@ -1,0 +1,108 @@
+"""Tables of replayed rays: one a scene and stream, and the geometric means over all scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import geometric_mean, median
+
+from .comparison import SceneInfo
+from .intervals import median_interval
+from .records import Record, ResultsFolder
+from .replays import RayOptions, newest_replay, of
+from .streams import KINDS
+from .text_table import TextTable
+
+NONE = "-"
+
+#: Whom every accelerator is measured against.
+BASELINES = ("native", "embree")
+
+_HEAD = (
+    "spec",
+    "ns/ray",
+    "spread",
+    "Mrays/s",
+    "steps/ray",
+    "tests/ray",
+    "misses/ray",
+    "x native",
+    "x embree",
+    "differ",
+)
+
+LEGEND = (
+    "Times are medians of the processor time of one thread; the spread is half the range of all repetitions. Steps are "
+    "interior nodes visited, tests are triangles tested, misses are those of the last-level cache, where they are "
+    "counted. `x native` is native's time over this one, the median of the repetitions with its 95 % bootstrap "
+    "interval; `x embree` likewise. `differ` counts the rays that hit where the first of our trees misses or the other "
+    "way round, or hit at a t that differs by more than 1e-4 of it."
+)
+
+NO_MISSES = "misses of the last-level cache are not counted: this machine does not let its users count them"
+
+
+def make_ray_tables(scenes: Sequence[SceneInfo], options: RayOptions, folder: ResultsFolder) -> list[TextTable]:
+    """Tables of every finished scene."""
+    replays = {scene.name: newest_replay(folder, options, scene) for scene in scenes}
+    tables = [
+        _stream_table(scene, options, rows)
+        for scene in scenes
+        for kind in KINDS
+        if (rows := of(replays[scene.name], stream=kind))
+    ]
+    finished = [rows for rows in replays.values() if rows]
+    return [*tables, _means_table(options, finished)] if len(finished) > 1 else tables
+
+
+def _stream_table(scene: SceneInfo, options: RayOptions, rows: Sequence[Record]) -> TextTable:
+    first = rows[0]
+    sample = f" (of {first['recorded_rays']:,})" if first["recorded_rays"] > first["rays"] else ""
+    digest = first["stream_sha256"][:12]
+    return TextTable(
+        f"{scene.name}, {scene.triangles:,} triangles: {first['rays']:,}{sample} {first['stream']} rays, {digest}",
+        _HEAD,
+        tuple((spec.text, *_cells(of(rows, spec=spec.text), rows)) for spec in options.specs),
+    )
+
+
+def _cells(runs: Sequence[Record], rows: Sequence[Record]) -> tuple[str, ...]:
+    times = [run["ns_per_ray"] for run in runs]
+    counters, rays = runs[0]["counters"], runs[0]["rays"]
+    steps = counters["axis_steps"] + counters["oblique_steps"] if counters else None
+    misses = [run["cache_misses"] for run in runs]
+    return (
+        f"{median(times):.1f}",
+        f"{(max(times) - min(times)) / 2 / median(times):.1%}",
+        f"{1e3 / median(times):.2f}",
+        _per_ray(steps, rays, ".1f"),
+        _per_ray(counters.get("triangle_tests"), rays, ".1f"),
+        _per_ray(None if None in misses else median(misses), rays, ".2f"),
+        *(str(median_interval(found)) if (found := ratios(runs, rows, name)) else NONE for name in BASELINES),
+        str(sum(runs[0]["differences"].values())),
+    )
+
+
+def ratios(runs: Sequence[Record], rows: Sequence[Record], baseline: str) -> list[float]:
+    """The baseline's time over this one's, repetition by repetition; empty without that baseline."""
+    times = {row["repeat"]: row["ns_per_ray"] for row in of(rows, spec=baseline)}
+    return [times[run["repeat"]] / run["ns_per_ray"] for run in runs] if times else []
+
+
+def _per_ray(total: float | None, rays: int, form: str) -> str:
+    return NONE if total is None else format(total / rays, form)
+
+
+def _means_table(options: RayOptions, replays: Sequence[Sequence[Record]]) -> TextTable:
+    """Speed against the baselines, one column a stream, geometric means over scenes."""
+    columns = [(kind, baseline) for kind in KINDS for baseline in BASELINES]
+
+    def mean(spec: str, kind: str, baseline: str) -> str:
+        found = [ratios(of(rows, spec=spec, stream=kind), of(rows, stream=kind), baseline) for rows in replays]
+        medians = [median(values) for values in found if values]
+        return f"{geometric_mean(medians):.2f}" if medians else NONE
+
+    return TextTable(
+        f"geometric means over {len(replays)} scenes",
+        ("spec", *(f"{kind} x {baseline}" for kind, baseline in columns)),
+        tuple((spec.text, *(mean(spec.text, *column) for column in columns)) for spec in options.specs),
+    )

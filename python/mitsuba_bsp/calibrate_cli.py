@@ -1,0 +1,35 @@
+"""The command `mitsuba-bsp calibrate`."""
+
+from __future__ import annotations
+
+import argparse
+
+from .bench_rays_cli import add_ray_options, ray_options, run_replays, show
+from .calibration import LEGEND, SPECS, calibration_tables, fit, measurements
+from .records import ResultsFolder
+from .replays import newest_replay
+from .terminal import INTERRUPTED, chosen_scenes
+
+MIN_REPEATS = 3
+
+#: Enough for counters per ray that are as good as those of the whole frame.
+MAX_RAYS = 100_000
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command."""
+    sub = commands.add_parser("calibrate", help="measure what a step and a triangle test cost, the prices of trees")
+    add_ray_options(sub, repeats=MIN_REPEATS, max_rays=MAX_RAYS)
+    sub.set_defaults(run=_calibrate)
+
+
+def _calibrate(args: argparse.Namespace) -> int:
+    """`mitsuba-bsp calibrate`."""
+    scenes = tuple(dict.fromkeys((*chosen_scenes(()), *chosen_scenes(args.scenes))))
+    options = ray_options(args, scenes, "calibrate", MIN_REPEATS, SPECS)
+    bar, status = run_replays(options)
+    folder = ResultsFolder(options.out)
+    rows = [row for scene in bar.scenes for row in newest_replay(folder, options, scene)]
+    if rows and status != INTERRUPTED:
+        show(options, "Prices", LEGEND, calibration_tables(fit(measurements(rows))), bar)
+    return status

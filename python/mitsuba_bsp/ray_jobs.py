@@ -1,0 +1,111 @@
+"""What a worker process does for measurements on real rays: record a frame's rays, and replay them.
+
+Replaying is interleaved: in every repetition each accelerator takes its turn, in shuffled order, so that a machine that
+slows down touches all of them alike. Each turn traces a stream once untimed, to fill the caches that the one before has
+filled with its own tree, and then once timed.
+"""
+
+from __future__ import annotations
+
+import random
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+
+from .contenders import Contender, build, differences, triangles_of
+from .jobs import Job
+from .loading import open_file
+from .render_setup import fix_block_size, set_resolution
+from .spec import parse_spec
+from .streams import Stream, in_use, load, read_recording, save, split
+from .swap import GroupOptions
+from .tree_statistics import statistics
+
+#: The tree that the rays are recorded with: all of ours give the same answers, so it does not matter which.
+RECORDING_SPEC = "kd"
+
+SHUFFLE_SEED = 20_240_607
+
+Stage = Callable[[str], None]
+
+
+def record(job: Job, stage: Stage) -> dict[str, Any]:
+    """Render one frame and write its rays, by kind, to the file `job.streams`."""
+
+    def edit(state: mi.parser.ParserState) -> None:
+        if job.resolution:
+            set_resolution(state, job.resolution)
+        fix_block_size(state)
+
+    stage(f"loading {job.scene}")
+    loaded = open_file(job.scene, params=job.params, edit=edit)
+    target = Path(job.streams)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        file = Path(folder, "rays")
+        scene = loaded.construct(loaded.regrouped(parse_spec(RECORDING_SPEC), GroupOptions(record=file)))
+        stage(f"rendering {job.scene}")
+        mi.render(scene, spp=job.spp or 0, seed=job.seed)
+        counters = statistics(scene).get("counters", {})
+        if not counters:
+            raise ValueError("the scene has no triangle mesh, so there is nothing to trace rays in")
+        rays = read_recording(file, sum(kind["rays"] for kind in counters.values()))
+    if not len(rays):
+        raise ValueError(f"rendering {job.scene} sent no ray to its triangle meshes, so there is nothing to measure")
+    stage(f"sorting the rays of {job.scene}")
+    streams = split(rays, scene.sensors()[0], job.max_rays)
+    save(target, streams, job.header)
+    return {"counters": counters}
+
+
+def replay(job: Job, stage: Stage) -> dict[str, Any]:
+    """Time the rays in `job.streams` under every one of `job.specs`, `job.repeats` times."""
+    streams = list(in_use(load(Path(job.streams))))
+    stage(f"loading {job.scene}")
+    triangles = triangles_of(open_file(job.scene, params=job.params).meshes)
+    contenders = []
+    for spec in map(parse_spec, job.specs):
+        stage(f"building {spec.text}")
+        contenders.append(build(spec, triangles))
+    stage("counting steps and tests")
+    works = {c.spec.text: {s.kind: c.count(s) for s in streams} for c in contenders}
+    return {
+        "triangles_sha256": triangles.sha256(),
+        "streams": {s.kind: {"sha256": s.sha256(), "rays": len(s), "recorded": s.total} for s in streams},
+        "trees": {c.spec.text: c.sha256() for c in contenders},
+        "counters": works,
+        "differences": _compare_answers(contenders, streams),
+        "runs": _time(job, contenders, streams, stage),
+    }
+
+
+def _compare_answers(contenders: Sequence[Contender], streams: Sequence[Stream]) -> dict[str, dict[str, Any]]:
+    """How often each accelerator's answers differ from those of the first of our trees, or else of the first."""
+    reference = next((c for c in contenders if c.spec.is_tree), contenders[0])
+    expected = {stream.kind: reference.answers(stream) for stream in streams}
+    return {c.spec.text: {s.kind: differences(c.answers(s), expected[s.kind]) for s in streams} for c in contenders}
+
+
+def _time(job: Job, contenders: Sequence[Contender], streams: Sequence[Stream], stage: Stage) -> list[dict[str, Any]]:
+    """All timed runs, in the order in which they were made."""
+    runs = []
+    generator = random.Random(SHUFFLE_SEED)
+    for repeat in range(job.repeats):
+        for contender in generator.sample(contenders, len(contenders)):
+            stage(f"{contender.spec.text}, timed run {repeat + 1} of {job.repeats}")
+            for stream in streams:
+                contender.tree.time(*stream.arrays, stream.any_hit)
+                cpu_s, wall_s, misses = contender.tree.time(*stream.arrays, stream.any_hit)
+                runs.append(
+                    {
+                        "spec": contender.spec.text,
+                        "stream": stream.kind,
+                        "repeat": repeat,
+                        "cpu_s": cpu_s,
+                        "wall_s": wall_s,
+                        "cache_misses": misses,
+                    }
+                )
+    return runs

@@ -1,0 +1,158 @@
+"""Record and replay the rays of scenes, one after the other, into one resumable folder.
+
+A scene is finished when all its runs are in `records.jsonl`; they are written together, marked with the time at which
+the replay began. An interrupted scene is replayed again, from the streams that it has left in `streams`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
+from .jobs import Job, JobError, JobResult, run_job
+from .machine import available_threads
+from .preflight import preflight
+from .records import Record, ResultsFolder, append
+from .streams import is_recorded
+
+#: One frame of this size and this many samples per pixel is recorded, unless the user says otherwise.
+RESOLUTION, SPP = 192, 2
+
+JOBS_PER_SCENE = 2
+
+
+@dataclass(frozen=True)
+class RayOptions(Options):
+    """What to replay; of more than `max_rays` rays of a kind a sample is taken."""
+
+    max_rays: int = 500_000
+
+
+@dataclass
+class _Run:
+    options: RayOptions
+    listener: Listener
+    folder: ResultsFolder
+    failures: list[Failure]
+
+    def job(self, scene: SceneInfo, **more: Any) -> Job:
+        return Job(
+            scene=str(scene.path),
+            variant=self.options.variant,
+            params=self.options.params,
+            spp=self.options.spp,
+            resolution=self.options.resolution,
+            seed=SEED,
+            streams=str((self.folder.path / "streams" / f"{scene.name}.npz").absolute()),
+            **more,
+        )
+
+    def attempt(self, scene: SceneInfo, job: Job) -> JobResult | None:
+        """Run a job; a failure is recorded and the next scene has its turn."""
+        self.listener.begin(f"{scene.name}: {job.kind}")
+        try:
+            return run_job(job, lambda stage: self.listener.begin(f"{scene.name}: {stage}"))
+        except JobError as error:
+            failure = Failure(scene.name, job.kind, str(error))
+            self.failures.append(failure)
+            append(self.folder.failures_file, {"scene": scene.name, "spec": job.kind, "message": str(error)})
+            self.listener.fail(failure)
+            return None
+        finally:
+            self.listener.finish()
+
+
+def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+    """Record and replay what is not finished yet; returns the scenes and what failed.
+
+    ValueError for anything wrong with the input, raised before the first job.
+    """
+    folder = ResultsFolder(options.out)
+    scenes = preflight(options, folder, listener.note, images=False)
+    for scene in scenes:
+        if not scene.triangles:
+            raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to trace rays in")
+    folder.prepare("streams")
+    run = _Run(options, listener, folder, [])
+    todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
+    listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
+    for scene in todo:
+        if _record(run, scene):
+            _replay(run, scene)
+        else:
+            listener.finish()
+    return scenes, run.failures
+
+
+def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) -> list[Record]:
+    """The records of the last replay of a scene that has all the runs that are asked for; empty if there is none."""
+    replays: dict[str, list[Record]] = {}
+    for row in folder.records():
+        if row["scene"] == scene.name and row["max_rays"] == options.max_rays:
+            replays.setdefault(str(row["replay"]), []).append(row)
+    wanted = {(spec.text, repeat) for spec in options.specs for repeat in range(options.repeats)}
+    for rows in reversed(replays.values()):
+        if wanted <= {(row["spec"], row["repeat"]) for row in rows}:
+            return [row for row in rows if (row["spec"], row["repeat"]) in wanted]
+    return []
+
+
+def _record(run: _Run, scene: SceneInfo) -> bool:
+    """Make sure that the scene's streams are there."""
+    origin = {**context(run.options, scene), "max_rays": run.options.max_rays}
+    job = run.job(scene, kind="record", threads=1, max_rays=run.options.max_rays, header=origin)
+    if is_recorded(run.folder.path / "streams" / f"{scene.name}.npz", origin):
+        run.listener.finish()
+        return True
+    return run.attempt(scene, job) is not None
+
+
+def _replay(run: _Run, scene: SceneInfo) -> None:
+    """Replay the scene's streams and write down every run."""
+    started = datetime.now().isoformat(timespec="seconds")
+    specs = [spec.text for spec in run.options.specs]
+    # All threads build; rays are traced on one.
+    job = run.job(scene, kind="replay", threads=available_threads(), specs=specs, repeats=run.options.repeats)
+    result = run.attempt(scene, job)
+    if result is None:
+        return
+    for warning in result.warnings:
+        run.listener.note(f"{scene.name}: {warning}")
+    append(
+        run.folder.records_file, *(_row(run, scene, started, result.values, timed) for timed in result.values["runs"])
+    )
+
+
+def _row(run: _Run, scene: SceneInfo, started: str, values: Mapping[str, Any], timed: Mapping[str, Any]) -> Record:
+    """One line of `records.jsonl`."""
+    spec, stream = timed["spec"], timed["stream"]
+    rays = values["streams"][stream]["rays"]
+    return {
+        **context(run.options, scene),
+        "max_rays": run.options.max_rays,
+        "replay": started,
+        "stream": stream,
+        "stream_sha256": values["streams"][stream]["sha256"],
+        "rays": rays,
+        "recorded_rays": values["streams"][stream]["recorded"],
+        "triangles_sha256": values["triangles_sha256"],
+        "spec": spec,
+        "spec_full": next(s.full for s in run.options.specs if s.text == spec),
+        "tree_sha256": values["trees"][spec],
+        "repeat": timed["repeat"],
+        "cpu_s": timed["cpu_s"],
+        "wall_s": timed["wall_s"],
+        "ns_per_ray": 1e9 * timed["cpu_s"] / rays,
+        "mrays_per_s": 1e-6 * rays / timed["cpu_s"],
+        "cache_misses": timed["cache_misses"],
+        "counters": values["counters"][spec][stream],
+        "differences": values["differences"][spec][stream],
+    }
+
+
+def of(rows: Sequence[Record], **fields: object) -> list[Record]:
+    """The records with these values."""
+    return [row for row in rows if all(row[key] == value for key, value in fields.items())]

@@ -1,0 +1,149 @@
+"""Streams of real rays: those that one rendered frame asked a tree about, sorted by kind, hashed, kept in a file.
+
+A camera ray is a closest-hit query that starts on the sensor's near plane, behind its lens; any-hit queries are shadow
+rays; all other queries are bounce rays. They stay in the order in which the renderer asked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+KINDS = ("camera", "shadow", "bounce")
+
+#: A ray as the plugin `bsptree` writes it.
+RECORDED = np.dtype([("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4")])
+
+#: The seed of the choice of rays where there are too many.
+SAMPLE_SEED = 0
+
+#: Rounding that may part a camera ray's origin from where the sensor put it, relative to the coordinates.
+_TOLERANCE = 2.0**-18
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Rays of one kind, float32 (n, 3), (n, 3), (n,); `total` were recorded, of which these are a sample."""
+
+    kind: str
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    maxt: NDArray[np.float32]
+    total: int
+
+    @property
+    def any_hit(self) -> bool:
+        """Whether these rays ask for any hit instead of the closest."""
+        return self.kind == "shadow"
+
+    @property
+    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """The rays as the extensions take them."""
+        return self.origins, self.directions, self.maxt
+
+    def __len__(self) -> int:
+        return len(self.maxt)
+
+    def sha256(self) -> str:
+        """Of all bytes of all rays."""
+        digest = hashlib.sha256()
+        for array in self.arrays:
+            digest.update(array)
+        return digest.hexdigest()
+
+
+def read_recording(path: Path, expected: int) -> NDArray[np.void]:
+    """The rays that a `bsptree` wrote; OSError unless there are as many as it counted."""
+    rays = np.fromfile(path, RECORDED)
+    if len(rays) != expected:
+        raise OSError(f"of {expected:,} rays only {len(rays):,} could be written to {path}: the disk may be full")
+    return rays
+
+
+def split(rays: NDArray[np.void], sensor: mi.Sensor, max_rays: int) -> list[Stream]:
+    """The recorded rays by kind; of more than `max_rays` of a kind a random sample, always the same."""
+    shadow = rays["any_hit"] != 0
+    camera = ~shadow & from_sensor(rays["o"], rays["d"], sensor)
+    return [
+        _sample(kind, rays[chosen], max_rays)
+        for kind, chosen in zip(KINDS, (camera, shadow, ~shadow & ~camera), strict=True)
+    ]
+
+
+def from_sensor(origins: NDArray[np.float32], directions: NDArray[np.float32], sensor: mi.Sensor) -> NDArray[np.bool_]:
+    """Which rays start on the near plane of `sensor`, and come through its lens if it has one."""
+    params = mi.traverse(sensor)
+    near = float(params["near_clip"]) if "near_clip" in params else 0.0
+    lens = float(params["aperture_radius"]) if "aperture_radius" in params else 0.0
+    to_world = np.array(sensor.world_transform().matrix, np.float64)
+    to_local = np.linalg.inv(to_world)
+    o = origins @ to_local[:3, :3].T + to_local[:3, 3]
+    d = directions @ to_local[:3, :3].T
+    tolerance = _TOLERANCE * (np.abs(to_world[:3, 3]).max() + near + lens) * np.abs(to_local[:3, :3]).max()
+    on_plane = np.abs(o[:, 2] - near) <= tolerance
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at_lens = o[:, :2] - d[:, :2] * (o[:, 2] / d[:, 2])[:, None]
+    if "orthographic" in sensor.class_name().lower():
+        return on_plane & (np.abs(d[:, :2]).max(axis=1) <= _TOLERANCE)
+    return on_plane & (np.hypot(*at_lens.T) <= lens + 4 * tolerance)
+
+
+def save(path: Path, streams: list[Stream], origin: Mapping[str, Any]) -> None:
+    """Write streams to an .npz file, all or nothing; `origin` says how they were made."""
+    arrays: dict[str, NDArray[Any]] = {"origin": np.array(json.dumps({**origin, "sha256": _digests(streams)}))}
+    for stream in streams:
+        names = (f"{stream.kind}_{part}" for part in ("origins", "directions", "maxt"))
+        arrays |= dict(zip(names, stream.arrays, strict=True)) | {f"{stream.kind}_total": np.array(stream.total)}
+    partial = path.with_suffix(".partial.npz")
+    np.savez_compressed(partial, **arrays)
+    partial.replace(path)
+
+
+def load(path: Path) -> list[Stream]:
+    """The streams in a file; ValueError if they are not what was written."""
+    with np.load(path) as arrays:
+        streams = [
+            Stream(
+                kind,
+                *(arrays[f"{kind}_{part}"] for part in ("origins", "directions", "maxt")),
+                int(arrays[f"{kind}_total"]),
+            )
+            for kind in KINDS
+        ]
+        if json.loads(str(arrays["origin"]))["sha256"] != _digests(streams):
+            raise ValueError(f"the rays in {path} are not those that were recorded: delete the file")
+    return streams
+
+
+def is_recorded(path: Path, origin: Mapping[str, Any]) -> bool:
+    """Whether the file holds streams made exactly so."""
+    if not path.is_file():
+        return False
+    with np.load(path) as arrays:
+        found = json.loads(str(arrays["origin"]))
+    return {key: found.get(key) for key in origin} == json.loads(json.dumps(origin))
+
+
+def _digests(streams: list[Stream]) -> dict[str, str]:
+    return {stream.kind: stream.sha256() for stream in streams}
+
+
+def _sample(kind: str, rays: NDArray[np.void], max_rays: int) -> Stream:
+    total = len(rays)
+    if total > max_rays:
+        chosen = np.random.default_rng(SAMPLE_SEED).choice(total, max_rays, replace=False, shuffle=False)
+        rays = rays[np.sort(chosen)]
+    return Stream(kind, *map(np.ascontiguousarray, (rays["o"], rays["d"], rays["maxt"])), total)
+
+
+def in_use(streams: list[Stream]) -> Iterator[Stream]:
+    """Those that have rays."""
+    return (stream for stream in streams if len(stream))

@@ -1,0 +1,172 @@
+"""`mitsuba-bsp bench rays` and `calibrate`: what they print and leave behind, resumption, and bad input."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import error_line, scene_xml
+
+from mitsuba_bsp import calibrate_cli, cli, replays
+from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
+from mitsuba_bsp.streams import is_recorded, load
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+SPECS = ["native", "embree", "kd", "normals:k=4"]
+WORDS = ["--resolution", "24", "--out", "out", "--specs", *SPECS]
+
+
+def rows(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
+
+
+class TestBenchRays:
+    """A real run on a small scene."""
+
+    @pytest.fixture
+    def finished(self, room: Path, command: Command, tmp_path: Path) -> subprocess.CompletedProcess[str]:
+        result = command("bench", "rays", room, *WORDS)
+        assert result.returncode == 0, result.stderr
+        return result
+
+    def test_what_is_shown_and_kept(self, finished: subprocess.CompletedProcess[str], tmp_path: Path) -> None:
+        found = rows(tmp_path / "out")
+        runs = {(row["spec"], row["stream"], row["repeat"]) for row in found}
+        assert len(runs) == len(found) == len(SPECS) * 3 * 7
+        assert all(row["ns_per_ray"] > 0 and row["wall_s"] > 0 for row in found)
+        assert all(row["ns_per_ray"] * row["mrays_per_s"] == pytest.approx(1000) for row in found)
+        assert {bool(row["counters"]) for row in found if row["spec"] == "embree"} == {False}
+        order = [row["spec"] for row in found if row["stream"] == "camera"]
+        assert len({tuple(order[i : i + len(SPECS)]) for i in range(0, len(order), len(SPECS))}) > 1
+        written = (tmp_path / "out" / "table.md").read_text()
+        for text in (finished.stdout, written):
+            assert all(spec in text for spec in SPECS)
+            assert re.search(r"room, 30 triangles: 1,152 camera rays, [0-9a-f]{12}", text)
+            assert "1.00 [1.00, 1.00]" in text
+
+    def test_streams_and_trees_are_hashed(self, finished: subprocess.CompletedProcess[str], tmp_path: Path) -> None:
+        streams = {stream.kind: stream.sha256() for stream in load(tmp_path / "out" / "streams" / "room.npz")}
+        for row in rows(tmp_path / "out"):
+            assert row["stream_sha256"] == streams[row["stream"]]
+            assert row["tree_sha256"] is None if row["spec"] == "embree" else len(row["tree_sha256"]) == 64
+        assert finished.returncode == 0
+
+    def test_a_second_run_repeats_nothing_but_what_is_new(
+        self, finished: subprocess.CompletedProcess[str], room: Path, command: Command, tmp_path: Path
+    ) -> None:
+        before = rows(tmp_path / "out")
+        result = command("bench", "rays", room, *WORDS)
+        assert result.returncode == 0 and "2 of 2 jobs were finished" in result.stderr
+        assert rows(tmp_path / "out") == before
+        assert result.stdout == finished.stdout
+        result = command("bench", "rays", room, *WORDS, "random")
+        assert result.returncode == 0, result.stderr
+        after = rows(tmp_path / "out")
+        assert after[: len(before)] == before and len(after) == len(before) + (len(SPECS) + 1) * 3 * 7
+        assert {row["stream_sha256"] for row in after} == {row["stream_sha256"] for row in before}
+
+    def test_other_settings_do_not_mix(
+        self, finished: subprocess.CompletedProcess[str], room: Path, command: Command
+    ) -> None:
+        result = command("bench", "rays", room, *WORDS, "--resolution", "25")
+        assert finished.returncode == 0 and result.returncode == 2
+        assert "resolution" in error_line(result) and "choose another --out" in error_line(result)
+
+    def test_fewer_rays_are_a_sample(self, room: Path, command: Command, tmp_path: Path) -> None:
+        result = command("bench", "rays", room, *WORDS, "kd", "--max-rays", "100")
+        assert result.returncode == 0, result.stderr
+        assert "100 (of 1,152) camera rays" in result.stdout
+        assert {row["rays"] for row in rows(tmp_path / "out")} == {100}
+
+    def test_a_scene_that_fails_leaves_the_others(
+        self, room: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        other = room.with_name("other.xml")
+        other.write_text(room.read_text())
+
+        def run(job: Job, on_stage: Callable[[str], None] | None = None) -> JobResult:
+            if job.kind == "replay" and "room" in job.scene:
+                raise JobError("the worker was killed")
+            return run_job(job, on_stage)
+
+        monkeypatch.setattr(replays, "run_job", run)
+        folder = room.with_name("out")
+        words = ["--resolution", "8", "--specs", "kd", "--out", str(folder)]
+        with pytest.raises(SystemExit) as caught:
+            cli.main(["bench", "rays", str(room), str(other), *words])
+        assert caught.value.code == 1
+        assert "failed: room: the worker was killed" in capfd.readouterr().out
+        assert {row["scene"] for row in rows(folder)} == {"other"}
+        monkeypatch.setattr(replays, "run_job", run_job)
+        with pytest.raises(SystemExit) as caught:
+            cli.main(["bench", "rays", str(room), str(other), *words])
+        assert caught.value.code == 0
+        assert {row["scene"] for row in rows(folder)} == {"room", "other"}
+
+
+def test_a_changed_stream_file_is_refused(room: Path, command: Command, tmp_path: Path) -> None:
+    command("bench", "rays", room, "--resolution", "8", "--specs", "kd", "--out", "out")
+    file = tmp_path / "out" / "streams" / "room.npz"
+    with np.load(file) as arrays:
+        changed = dict(arrays)
+    changed["camera_maxt"][0] = 1
+    np.savez(file, **changed)
+    with pytest.raises(ValueError, match=r"the rays in .*room\.npz are not those that were recorded"):
+        load(file)
+    origin = json.loads(str(changed["origin"]))
+    assert is_recorded(file, origin) and not is_recorded(file, {**origin, "spp": 99})
+    assert not is_recorded(tmp_path / "gone.npz", origin)
+
+
+def test_calibrate(room: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """With few trees, and without the built-in scenes."""
+    monkeypatch.setattr(calibrate_cli, "chosen_scenes", tuple)
+    monkeypatch.setattr(calibrate_cli, "SPECS", ("kd", "kd:leaf_size=8", "random:alpha=0", "random:axes=none,alpha=0"))
+    folder = room.with_name("out")
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["calibrate", str(room), "--resolution", "16", "--out", str(folder)])
+    shown = capfd.readouterr()
+    assert caught.value.code == 0, shown.err
+    for text in (shown.out, (folder / "table.md").read_text()):
+        assert all(word in text for word in ("axis_cost", "oblique_cost", "intersection_cost", "R²", "room"))
+    assert len(rows(folder)) == 4 * 3 * 3
+
+
+class TestBadInput:
+    """Each mistake: status 2, one sentence, and nothing left behind."""
+
+    @pytest.mark.parametrize(
+        ("words", "sentence"),
+        [
+            (["bench", "rays", "gone.xml"], "there is no scene file"),
+            (["bench", "rays", "room.xml", "--specs", "kd", "oak"], 'there is no accelerator "oak"'),
+            (["bench", "rays", "room.xml", "--repeats", "6"], "--repeats is 6, but it must be at least 7"),
+            (["bench", "rays", "room.xml", "--out", "room.xml"], "cannot write to the output folder room.xml"),
+            (["bench", "rays", "room.xml", "-D", "colour=red"], "$colour=red"),
+            (["bench", "rays", "wild.xml"], "wild.ply"),
+            (["bench", "rays", "empty.xml"], "empty.xml has no triangle"),
+            (["calibrate", "gone.xml"], "there is no scene file"),
+            (["calibrate", "--repeats", "1"], "--repeats is 1, but it must be at least 3"),
+        ],
+    )
+    @pytest.mark.usefixtures("room", "wild")
+    def test_one_sentence_and_status_2(self, command: Command, tmp_path: Path, words: list[str], sentence: str) -> None:
+        (tmp_path / "empty.xml").write_text(scene_xml('<shape type="sphere"/>'))
+        before = sorted(path.name for path in tmp_path.iterdir())
+        result = command(*words)
+        assert result.returncode == 2, result.stderr
+        assert sentence in error_line(result)
+        assert "Traceback" not in result.stderr
+        assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+    @pytest.mark.parametrize("words", [["bench"], ["bench", "fish"], ["bench", "rays", "--max-rays", "0"]])
+    def test_arguments_that_make_no_sense(self, command: Command, words: list[str]) -> None:
+        result = command(*words)
+        assert result.returncode == 2
+        assert "error: " in result.stderr and "Traceback" not in result.stderr
