@@ -48,6 +48,7 @@ BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
     layout.has_oblique = std::any_of(tree.nodes.begin(), tree.nodes.end(), [](const TreeNode &node) {
         return node.kind != TreeNode::Kind::leaf && !node.direction.is_axis();
     });
+    layout.plane_tolerance = round_up(tree.plane_tolerance);
     const auto is_wide = [&](const TreeNode &node) {
         return node.kind == TreeNode::Kind::oblique && layout.has_oblique;
     };

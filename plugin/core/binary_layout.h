@@ -72,7 +72,8 @@ struct BinaryLayout {
     Box box;
     std::vector<NodeWord> words;
     std::vector<TriangleBlock> blocks;
-    bool has_oblique = false; ///< a tree whose splits are all axis-aligned has no plane nodes, whatever built it
+    float plane_tolerance = 0; ///< triangles may lie beyond oblique planes by this, as a position along the normal
+    bool has_oblique = false;  ///< a tree whose splits are all axis-aligned has no plane nodes, whatever built it
 
     std::size_t bytes() const { return words.size() * sizeof(NodeWord) + blocks.size() * sizeof(TriangleBlock); }
 };

@@ -7,9 +7,11 @@
 
 #include "cell.h"
 #include "parallel.h"
+#include "reference_hierarchy.h"
 #include "references.h"
 #include "split_source.h"
 #include "sweep.h"
+#include "triangle_planes.h"
 
 namespace bsp {
 namespace {
@@ -37,7 +39,8 @@ struct Split {
 class Builder {
 public:
     Builder(const TriangleSet &set, const Settings &settings)
-        : m_set(set), m_settings(settings), m_source(make_split_source(settings.tree)) {
+        : m_set(set), m_settings(settings), m_source(make_split_source(settings.tree)),
+          m_triangle_planes(settings.tree == TreeKind::ize), m_plane_tolerance(plane_tolerance(set.bounds)) {
         const double count = std::max<double>(1, double(set.valid.size()));
         m_max_depth = settings.max_depth > 0 ? settings.max_depth
                                              : std::min(depth_limit, int(std::round(8 + 1.6 * std::log2(count))));
@@ -45,10 +48,13 @@ public:
 
     Tree build() const {
         NodeWork root{make_references(m_set), Cell(root_box(m_set))};
+        if (m_triangle_planes)
+            root.references = in_spatial_order(root.references);
         root.bad_refines = m_settings.bad_refines;
         root.budget = m_settings.max_references * double(root.references.size());
         root.seed = m_settings.seed;
         Tree tree;
+        tree.plane_tolerance = m_triangle_planes ? m_plane_tolerance : 0;
         tree.sah_cost = build_node(std::move(root), tree);
         return tree;
     }
@@ -90,6 +96,7 @@ private:
         leaf.first = std::uint32_t(tree.references.size());
         leaf.count = std::uint32_t(ids.size());
         tree.references.insert(tree.references.end(), ids.begin(), ids.end());
+        std::sort(tree.references.begin() + leaf.first, tree.references.end());
         tree.nodes.push_back(leaf);
         return price;
     }
@@ -139,11 +146,15 @@ private:
         const double surcharge = cost.alpha * cost.intersection_cost * (count - 1);
         const bool by_size = cost.oblique_price != ObliquePrice::constant;
         const double base = cost.oblique_price == ObliquePrice::linear ? cost.axis_cost : cost.oblique_cost;
-        std::optional<Split> split = cheapest(directions, planes, by_size ? base + surcharge : cost.oblique_cost);
+        const auto attempt = [&](double oblique_price) {
+            const std::optional<Split> swept = cheapest(directions, planes, oblique_price);
+            return m_triangle_planes ? or_triangle_plane(node, swept, oblique_price) : swept;
+        };
+        std::optional<Split> split = attempt(by_size ? base + surcharge : cost.oblique_cost);
         // A price that grows with the node keeps oblique planes to where they gain much; where it lets nothing beat the
         // leaf, they are tried again at their true price (Ize, Wald, Parker 2008).
         if (by_size && (!split || split->price >= cost.intersection_cost * count))
-            split = cheapest(directions, planes, cost.oblique_cost);
+            split = attempt(cost.oblique_cost);
         return split;
     }
 
@@ -160,6 +171,17 @@ private:
                 best = Split{kind, directions[i], *planes[i], price};
         }
         return best;
+    }
+
+    /// `swept`, or a plane along a triangle where that is cheaper.
+    std::optional<Split> or_triangle_plane(const NodeWork &node, const std::optional<Split> &swept,
+                                           double oblique_price) const {
+        const double limit = swept ? swept->price - oblique_price : HUGE_VAL;
+        const auto found =
+            best_triangle_plane(m_set, node.references, node.cell, m_settings.cost, m_plane_tolerance, limit);
+        if (!found)
+            return swept;
+        return Split{TreeNode::Kind::oblique, found->direction, found->plane, oblique_price + found->plane.cost};
     }
 
     std::pair<NodeWork, NodeWork> make_children(const NodeWork &node, const Split &split,
@@ -205,6 +227,8 @@ private:
     const TriangleSet &m_set;
     const Settings m_settings;
     const std::unique_ptr<SplitSource> m_source;
+    const bool m_triangle_planes;
+    const double m_plane_tolerance;
     int m_max_depth;
 };
 

@@ -64,13 +64,16 @@ template <typename Enum> struct Word {
     Enum value;
 };
 
-constexpr std::array<Word<TreeKind>, 5> tree_words{{{"kd", TreeKind::kd},
+constexpr std::array<Word<TreeKind>, 6> tree_words{{{"kd", TreeKind::kd},
+                                                    {"ize", TreeKind::ize},
                                                     {"random", TreeKind::random},
                                                     {"normals", TreeKind::normals},
                                                     {"clustered", TreeKind::clustered},
                                                     {"brute", TreeKind::brute}}};
 constexpr std::array<Word<AxesPolicy>, 3> axes_words{
     {{"none", AxesPolicy::none}, {"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
+/// Of trees that always hold the axes.
+constexpr std::array<Word<AxesPolicy>, 2> always_axes_words{{{"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
 constexpr std::array<Word<ObliquePrice>, 3> price_words{
     {{"constant", ObliquePrice::constant}, {"linear", ObliquePrice::linear}, {"surcharge", ObliquePrice::surcharge}}};
@@ -140,6 +143,8 @@ std::vector<Key> make_keys() {
         word_key<AxesPolicy>(
             "axes", "x, y, z among the directions: none; plain, as any other; fast, with kd nodes of their own", true,
             axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
+        word_key<AxesPolicy>("axes", "x, y, z are: plain, swept as any other; fast, with kd nodes of their own", true,
+                             always_axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
         integer_key<std::uint64_t>("seed", "seed of every random choice of the builder", true, 0, std::int64_t(1) << 53,
                                    "an integer from 0 to 2^53", [](Settings &s) -> std::uint64_t & { return s.seed; }),
         word_key<TriangleTest>(
@@ -178,12 +183,20 @@ const std::vector<Key> &all_keys() {
     return keys;
 }
 
+/// Whether the tree has the setting; of the two forms of `axes` it has one.
+bool applies(const Key &key, TreeKind tree) {
+    if (tree == TreeKind::brute || tree == TreeKind::kd)
+        return tree == TreeKind::brute ? key.name == "triangle_test" : !key.oblique_only;
+    const bool always_axes = tree == TreeKind::ize; // which has no random choices either
+    if (key.name == "axes")
+        return (key.values == choices(always_axes_words)) == always_axes;
+    return !(always_axes && (key.name == "k" || key.name == "seed"));
+}
+
 std::vector<const Key *> keys_of(TreeKind tree) {
     std::vector<const Key *> keys;
     for (const Key &key : all_keys()) {
-        const bool applies =
-            tree == TreeKind::brute ? key.name == "triangle_test" : !(key.oblique_only && tree == TreeKind::kd);
-        if (applies)
+        if (applies(key, tree))
             keys.push_back(&key);
     }
     return keys;
@@ -199,7 +212,7 @@ TreeKind parse_tree(const std::string &name) {
 Settings defaults_of(TreeKind tree) {
     Settings settings;
     settings.tree = tree;
-    if (tree == TreeKind::kd)
+    if (tree == TreeKind::kd || tree == TreeKind::ize)
         settings.k = 3;
     return settings;
 }

@@ -9,7 +9,7 @@
 
 namespace bsp {
 
-enum class TreeKind { kd, random, normals, clustered, brute };
+enum class TreeKind { kd, ize, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
 /// What an oblique split of n triangles costs when splits are compared; the step itself always costs `oblique_cost`.

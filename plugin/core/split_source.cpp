@@ -155,6 +155,7 @@ std::unique_ptr<SplitSource> make_split_source(TreeKind tree) {
     case TreeKind::clustered:
         return std::make_unique<ClusteredNormals>();
     case TreeKind::kd:
+    case TreeKind::ize:
     case TreeKind::brute:
         return nullptr;
     }

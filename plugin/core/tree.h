@@ -24,6 +24,7 @@ struct Tree {
     std::vector<std::uint32_t> references; ///< triangle ids of the leaves, ascending within a leaf
     double sah_cost = 0;                   ///< expected price of a random ray that meets the root's cell
     int depth = 0;                         ///< interior nodes on the longest path
+    double plane_tolerance = 0;            ///< triangles may protrude from their cells by this, beyond oblique planes
 };
 
 /// The first law of trees that `tree` breaks, in one sentence, or an empty string: structure, ids, and every valid

@@ -28,7 +28,8 @@ TEST(Settings, DefaultsAndOptions) {
 }
 
 TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
-    EXPECT_EQ(message_of("bvh", {}), "there is no tree 'bvh': the trees are kd, random, normals, clustered, brute");
+    EXPECT_EQ(message_of("bvh", {}),
+              "there is no tree 'bvh': the trees are kd, ize, random, normals, clustered, brute");
     EXPECT_EQ(message_of("normals", {{"axes", "slow"}}), "axes=slow is not valid: axes is one of none, plain, fast");
     for (const char *k : {"0", "1000", "33", "-1", "2.5", "six", "", "6x", "nan", "1e400"})
         EXPECT_EQ(message_of("random", {{"k", k}}),

@@ -12,12 +12,13 @@ from mitsuba_bsp.verification.rays import FAMILIES, interior_rays
 
 RAYS_PER_FAMILY = 10_000  #: times 9 families, times 12 meshes: 1.08 million rays a spec
 AXES = ("none", "plain", "fast")
+ALWAYS_AXES = {"ize": ("plain", "fast")}  #: trees that hold the axes whatever they are told
 #: Every tree there is, a new one included, with every axes policy it has.
 SPECS = [
     (tree, {"axes": axes} if axes else {})
     for tree in _core.trees()
     if tree != "brute"
-    for axes in (AXES if "axes" in _core.settings(tree, {}) else ("",))
+    for axes in (ALWAYS_AXES.get(tree, AXES) if "axes" in _core.settings(tree, {}) else ("",))
 ]
 SPEC_IDS = [":".join([tree, *options.values()]) for tree, options in SPECS]
 
