@@ -46,6 +46,10 @@ TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
 TEST(Settings, AxesCountAmongTheDirections) {
     EXPECT_NE(message_of("normals", {{"k", "2"}}).find("k=2 is not valid with axes=fast"), std::string::npos);
     EXPECT_NE(message_of("normals", {{"k", "2"}, {"axes", "plain"}}), "");
+    EXPECT_EQ(message_of("ize", {{"axes", "none"}}), "axes=none is not valid: axes is one of plain, fast");
+    EXPECT_EQ(message_of("ize", {{"axes", "plain"}}), "");
+    EXPECT_NE(message_of("ize", {{"k", "6"}}).find("ize has no setting 'k': its settings are axes, "),
+              std::string::npos);
     EXPECT_EQ(message_of("normals", {{"axes", "none"}, {"k", "1"}}), "");
 }
 

@@ -91,9 +91,8 @@ TEST(Tree, SameBytesOnAnyNumberOfThreads) {
                             layout.blocks.size() * sizeof(TriangleBlock));
     };
     const std::uint32_t usual = pool_size();
-    for (const Settings &settings :
-         {make_settings("kd", {}), make_settings("ize", {}), make_settings("normals", {{"k", "5"}}),
-          make_settings("clustered", {{"axes", "none"}, {"k", "2"}})}) {
+    for (const Settings &settings : {make_settings("kd", {}), make_settings("normals", {{"k", "5"}}),
+                                     make_settings("clustered", {{"axes", "none"}, {"k", "2"}})}) {
         pool_set_size(nullptr, 1);
         const std::string one = bytes_of(settings);
         for (const std::uint32_t threads : {2u, 8u}) {
