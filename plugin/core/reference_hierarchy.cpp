@@ -156,8 +156,8 @@ void ReferenceHierarchy::count_exactly(std::size_t reference, const Direction &d
     }
 }
 
-std::optional<SideCounts> ReferenceHierarchy::count(const Direction &direction, float offset,
-                                                    const SidePrices &prices) const {
+std::optional<SideCounts> ReferenceHierarchy::count(const Direction &direction, float offset, const SidePrices &prices,
+                                                    std::size_t &work) const {
     static thread_local std::vector<std::uint32_t> groups, finer; // of one level, and of the level below it
     const PlaneLanes plane(direction, offset, m_margin);
     SideCounts counts;
@@ -181,6 +181,7 @@ std::optional<SideCounts> ReferenceHierarchy::count(const Direction &direction, 
                 } else {
                     count_exactly(box, direction, offset, counts);
                     --remaining;
+                    ++work;
                 }
             }
             if (prices.is_out(counts, remaining))

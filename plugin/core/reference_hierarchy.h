@@ -44,8 +44,10 @@ public:
     /// does not cross it. As `split_references` with the same tolerance.
     ReferenceHierarchy(const ReferenceList &references, double tolerance);
 
-    /// Nothing if the prices reach their limit. From many threads at once.
-    std::optional<SideCounts> count(const Direction &direction, float offset, const SidePrices &prices) const;
+    /// Nothing if the prices reach their limit. Adds to `work` the number of references looked at one by one. From many
+    /// threads at once.
+    std::optional<SideCounts> count(const Direction &direction, float offset, const SidePrices &prices,
+                                    std::size_t &work) const;
 
 private:
     /// Centres and half sizes, [axis][lane], of eight boxes.

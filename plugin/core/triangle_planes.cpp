@@ -12,6 +12,10 @@ namespace {
 
 constexpr std::size_t triangles_per_task = 256; ///< a task's triangles are tried in order, whatever thread does it
 
+/// References that may be looked at one by one for each triangle of a node of `count`, on average: several times what
+/// meshes need. Where many lie in one plane, or in one place, all would be looked at for every plane.
+double work_per_triangle(std::size_t count) { return 256 + 16 * std::sqrt(double(count)); }
+
 /// Tries planes and keeps the cheapest.
 class PlaneSearch {
 public:
@@ -27,7 +31,7 @@ public:
         if (!areas)
             return;
         const SidePrices prices{m_scale * areas->first, m_scale * areas->second, m_empty_bonus, m_limit};
-        const auto counts = m_hierarchy.count(plane.direction, plane.offset, prices);
+        const auto counts = m_hierarchy.count(plane.direction, plane.offset, prices, work);
         if (!counts)
             return;
         for (const bool planar_below : {false, true}) {
@@ -42,6 +46,7 @@ public:
     }
 
     std::optional<PlaneCandidate> best;
+    std::size_t work = 0; ///< references looked at one by one
 
 private:
     const ReferenceHierarchy &m_hierarchy;
@@ -86,7 +91,8 @@ std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const 
     const SideAreas areas(cell);
     const auto search_range = [&](std::size_t begin, std::size_t end) {
         PlaneSearch search(hierarchy, areas, cost, tolerance, limit);
-        for (std::size_t i = begin; i < end; ++i)
+        const double most_work = work_per_triangle(references.size()) * double(end - begin);
+        for (std::size_t i = begin; i < end && double(search.work) <= most_work; ++i)
             for (const TrianglePlane &plane : planes_along(set.triangles[references.ids[i]]))
                 search.consider(plane);
         return search.best;

@@ -55,8 +55,10 @@ TriangleSet turned_box() {
 SideCounts count(const TriangleSet &set, const TrianglePlane &plane) {
     const ReferenceList references = make_references(set);
     const ReferenceHierarchy hierarchy(references, plane_tolerance(set.bounds));
-    const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{});
+    std::size_t work = 0;
+    const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{}, work);
     EXPECT_TRUE(counts);
+    EXPECT_LE(work, references.size());
     return counts.value_or(SideCounts{});
 }
 
@@ -120,6 +122,7 @@ TEST(ReferenceHierarchy, NeighboursAtAnEdgeAreNotCut) {
 }
 
 TEST(ReferenceHierarchy, EqualsALoopOverTheReferences) {
+    std::size_t work = 0;
     Random random(22);
     for (const std::size_t size : {1u, 7u, 8u, 9u, 64u, 65u, 600u, 5000u}) {
         const TriangleSet set = random_soup(size, size);
@@ -133,7 +136,7 @@ TEST(ReferenceHierarchy, EqualsALoopOverTheReferences) {
             TrianglePlane plane{random_direction(random), float(random.uniform() - 0.5)};
             if (trial % 2)
                 plane = planes_along(set.triangles[random.below(std::uint32_t(size))])[std::size_t(trial) / 2 % 4];
-            const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{});
+            const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{}, work);
             ASSERT_TRUE(counts);
             SweptPlane split;
             split.offset = plane.offset;
@@ -150,6 +153,7 @@ TEST(ReferenceHierarchy, EqualsALoopOverTheReferences) {
 }
 
 TEST(ReferenceHierarchy, GivesUpOnlyWhenTheLimitIsReached) {
+    std::size_t work = 0;
     const TriangleSet set = random_soup(500, 23);
     const ReferenceList references = in_spatial_order(make_references(set));
     const ReferenceHierarchy hierarchy(references, plane_tolerance(set.bounds));
@@ -157,13 +161,13 @@ TEST(ReferenceHierarchy, GivesUpOnlyWhenTheLimitIsReached) {
     for (int trial = 0; trial < 100; ++trial) {
         const Direction direction = random_direction(random);
         SidePrices prices{0.3, 0.8, 0.9, no_limit};
-        const auto counts = hierarchy.count(direction, 0.2f, prices);
+        const auto counts = hierarchy.count(direction, 0.2f, prices, work);
         const double least = std::min(prices.price(counts->below + counts->on, counts->above),
                                       prices.price(counts->below, counts->above + counts->on));
         prices.limit = least * 1.001;
-        EXPECT_TRUE(hierarchy.count(direction, 0.2f, prices));
+        EXPECT_TRUE(hierarchy.count(direction, 0.2f, prices, work));
         prices.limit = least * 0.5;
-        EXPECT_FALSE(hierarchy.count(direction, 0.2f, prices));
+        EXPECT_FALSE(hierarchy.count(direction, 0.2f, prices, work));
     }
 }
 
