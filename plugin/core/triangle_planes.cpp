@@ -14,7 +14,7 @@ constexpr std::size_t triangles_per_task = 256; ///< a task's triangles are trie
 
 /// References that may be looked at one by one for each triangle of a node of `count`, on average: more than nearly all
 /// nodes of meshes need. Where many lie in one plane, or in one place, all would be looked at for every plane.
-double work_per_triangle(std::size_t count) { return 64 + 4 * std::sqrt(double(count)); }
+double work_per_triangle(std::size_t count) { return 256 + 4 * std::sqrt(double(count)); }
 
 /// Tries planes and keeps the cheapest.
 class PlaneSearch {
