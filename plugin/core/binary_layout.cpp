@@ -111,6 +111,7 @@ BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
     }
     layout.families = find_families(tree);
     layout.splits = splits_of(tree, layout.families);
+    layout.plane_tolerance = round_up(tree.plane_tolerance);
     NodeWriter writer(tree, layout);
     for (const TreeNode &node : tree.nodes) {
         if (node.kind == TreeNode::Kind::leaf) {

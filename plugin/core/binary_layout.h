@@ -84,6 +84,7 @@ struct BinaryLayout {
     std::vector<TriangleBlock> blocks;
     Splits splits = Splits::axes;
     std::vector<Direction> families; ///< of `Splits::families`
+    float plane_tolerance = 0; ///< triangles may lie beyond oblique planes by this, as a position along the normal
 
     std::size_t bytes() const { return words.size() * sizeof(NodeWord) + blocks.size() * sizeof(TriangleBlock); }
 };

@@ -9,9 +9,11 @@
 #include "cell.h"
 #include "parallel.h"
 #include "plane_survey.h"
+#include "reference_hierarchy.h"
 #include "references.h"
 #include "split_source.h"
 #include "sweep.h"
+#include "triangle_planes.h"
 
 namespace bsp {
 namespace {
@@ -70,8 +72,9 @@ void merge(const BuildPhases &more, BuildPhases &phases) {
 class Builder {
 public:
     Builder(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor, PlaneSurvey *survey)
-        : m_set(set), m_settings(settings), m_source(make_split_source(settings)), m_monitor(monitor),
-          m_survey(survey) {
+        : m_set(set), m_settings(settings), m_source(make_split_source(settings)),
+          m_triangle_planes(settings.tree == TreeKind::ize), m_plane_tolerance(plane_tolerance(set.bounds)),
+          m_monitor(monitor), m_survey(survey) {
         const double count = std::max<double>(1, double(set.valid.size()));
         m_max_depth = settings.max_depth > 0
                           ? settings.max_depth
@@ -80,10 +83,13 @@ public:
 
     Tree build() const {
         NodeWork root{make_references(m_set), Cell(root_box(m_set))};
+        if (m_triangle_planes)
+            root.references = in_spatial_order(root.references);
         root.bad_refines = m_settings.bad_refines;
         root.budget = m_settings.max_references * double(root.references.size());
         root.seed = m_settings.seed;
         Tree tree;
+        tree.plane_tolerance = m_triangle_planes ? m_plane_tolerance : 0;
         tree.sah_cost = build_node(std::move(root), tree);
         return tree;
     }
@@ -151,6 +157,7 @@ private:
         leaf.first = std::uint32_t(tree.references.size());
         leaf.count = std::uint32_t(ids.size());
         tree.references.insert(tree.references.end(), ids.begin(), ids.end());
+        std::sort(tree.references.begin() + leaf.first, tree.references.end());
         tree.nodes.push_back(leaf);
     }
 
@@ -188,7 +195,7 @@ private:
             directions = directions_of(node);
         }
         const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
-        if (node.references.size() > std::size_t(m_settings.exact_below)) {
+        if (!m_triangle_planes && node.references.size() > std::size_t(m_settings.exact_below)) {
             const std::optional<Split> likely = cheapest_estimate(directions, node, tree);
             if (likely && likely->price < leaf_price) {
                 const std::optional<Split> split = cheapest_sweep({likely->direction}, node, tree);
@@ -211,7 +218,12 @@ private:
     std::optional<Split> cheapest_sweep(const std::vector<Direction> &directions, const NodeWork &node,
                                         Tree &tree) const {
         const Stopwatch stopwatch(tree.phases.sweeps_s);
-        count_planes(node.depth, directions.size() * 2 * node.references.size(), tree);
+        const std::size_t per_triangle = directions.size() * 2 + (m_triangle_planes ? 4 : 0);
+        count_planes(node.depth, per_triangle * node.references.size(), tree);
+        if (m_survey && m_triangle_planes)
+            for (const std::uint32_t id : node.references.ids)
+                for (const TrianglePlane &plane : planes_along(m_set.triangles[id]))
+                    m_survey->add(node.depth, plane.direction, {plane.offset});
         return cheapest_of(directions, node, [&](const Direction &direction) {
             std::vector<float> offsets;
             const auto plane =
@@ -248,11 +260,15 @@ private:
         const double surcharge = cost.alpha * cost.intersection_cost * (count - 1);
         const bool by_size = cost.oblique_price != ObliquePrice::constant;
         const double base = cost.oblique_price == ObliquePrice::linear ? cost.axis_cost : cost.oblique_cost;
-        std::optional<Split> split = cheapest(directions, planes, by_size ? base + surcharge : cost.oblique_cost);
+        const auto attempt = [&](double oblique_price) {
+            const std::optional<Split> swept = cheapest(directions, planes, oblique_price);
+            return m_triangle_planes ? or_triangle_plane(node, swept, oblique_price) : swept;
+        };
+        std::optional<Split> split = attempt(by_size ? base + surcharge : cost.oblique_cost);
         // A price that grows with the node keeps oblique planes to where they gain much; where it lets nothing beat the
         // leaf, they are tried again at their true price (Ize, Wald, Parker 2008).
         if (by_size && cost.retry && (!split || split->price >= cost.intersection_cost * count))
-            split = cheapest(directions, planes, cost.oblique_cost);
+            split = attempt(cost.oblique_cost);
         return split;
     }
 
@@ -269,6 +285,17 @@ private:
                 best = Split{kind, directions[i], *planes[i], price};
         }
         return best;
+    }
+
+    /// `swept`, or a plane along a triangle where that is cheaper.
+    std::optional<Split> or_triangle_plane(const NodeWork &node, const std::optional<Split> &swept,
+                                           double oblique_price) const {
+        const double limit = swept ? swept->price - oblique_price : HUGE_VAL;
+        const auto found =
+            best_triangle_plane(m_set, node.references, node.cell, m_settings.cost, m_plane_tolerance, limit);
+        if (!found)
+            return swept;
+        return Split{TreeNode::Kind::oblique, found->direction, found->plane, oblique_price + found->plane.cost};
     }
 
     std::pair<NodeWork, NodeWork> make_children(const NodeWork &node, const Split &split, std::pair<Cell, Cell> cells,
@@ -324,6 +351,8 @@ private:
     const TriangleSet &m_set;
     const Settings m_settings;
     const std::unique_ptr<SplitSource> m_source;
+    const bool m_triangle_planes;
+    const double m_plane_tolerance;
     BuildMonitor *const m_monitor;
     PlaneSurvey *const m_survey;
     int m_max_depth;

@@ -95,7 +95,7 @@ ReferenceList make_references(const TriangleSet &set) {
 
 std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &references, const Direction &direction,
                                                          const SweptPlane &plane, bool clip) {
-    const double offset = plane.offset;
+    const double offset = plane.offset, lowest = offset - plane.tolerance, highest = offset + plane.tolerance;
     std::pair<ReferenceList, ReferenceList> sides;
     auto &[below, above] = sides;
     const std::size_t corners = references.vertices.size() / std::max<std::size_t>(1, references.size()) + 1;
@@ -107,10 +107,10 @@ std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &re
         const std::uint32_t id = references.ids[i];
         const Vec3d *polygon = references.vertices.data() + references.starts[i];
         const std::size_t count = references.starts[i + 1] - references.starts[i];
-        const bool planar = low == offset && high == offset;
-        if (planar ? plane.planar_below : high <= offset) {
+        const bool planar = low >= lowest && high <= highest;
+        if (planar ? plane.planar_below : high <= highest) {
             below.add(id, polygon, count);
-        } else if (planar || low >= offset) {
+        } else if (planar || low >= lowest) {
             above.add(id, polygon, count);
         } else if (!clip) {
             below.add(id, polygon, count);

@@ -11,7 +11,7 @@
 namespace bsp {
 
 /// Reference i is the convex polygon `vertices[starts[i]] .. vertices[starts[i + 1] - 1]`: the part of triangle
-/// `ids[i]` inside the cell, in double precision. Ids are ascending and distinct.
+/// `ids[i]` inside the cell, in double precision. Ids are distinct.
 struct ReferenceList {
     std::vector<std::uint32_t> ids;
     std::vector<std::uint32_t> starts{0};
@@ -37,11 +37,13 @@ struct SweptPlane {
     bool planar_below = false;          ///< triangles in the plane go below (else above): the cheaper side
     std::uint32_t below = 0, above = 0; ///< references on either side
     double cost = 0;                    ///< of both children's triangles, the step itself not included
+    double tolerance = 0;               ///< what is nearer to the plane than this, as a position, lies in it
 };
 
 /// The references on either side of a plane. What touches the plane with an edge or a vertex only stays on its side;
 /// what crosses it is cut, or with `clip` false goes to both sides whole; what lies in it goes below or above as a
-/// whole.
+/// whole. Parts that reach beyond the plane by no more than its tolerance do not count: a reference may protrude from
+/// its cell by that much.
 std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &references, const Direction &direction,
                                                          const SweptPlane &plane, bool clip = true);
 

@@ -52,10 +52,11 @@ double parse_number(const std::string &key, const std::string &text, double lowe
 }
 
 /// The trees that a setting has a meaning for.
-enum class For { all, built, oblique, drawn, normals, rbsp };
+enum class For { all, built, oblique, swept, drawn, normals, axes_held, rbsp };
 
 bool applies(For trees, TreeKind tree) {
     const bool built = tree != TreeKind::brute, oblique = built && tree != TreeKind::kd;
+    const bool rbsp = tree == TreeKind::rbsp, axes_held = rbsp || tree == TreeKind::ize;
     switch (trees) {
     case For::all:
         return true;
@@ -63,12 +64,16 @@ bool applies(For trees, TreeKind tree) {
         return built;
     case For::oblique:
         return oblique;
+    case For::swept: // oblique directions are swept
+        return oblique && tree != TreeKind::ize;
     case For::drawn: // directions are drawn anew in every node
-        return oblique && tree != TreeKind::rbsp;
+        return oblique && !axes_held;
     case For::normals:
         return tree == TreeKind::normals || tree == TreeKind::clustered;
+    case For::axes_held: // the axes are always among the planes
+        return axes_held;
     case For::rbsp:
-        return tree == TreeKind::rbsp;
+        return rbsp;
     }
     return false;
 }
@@ -86,8 +91,9 @@ template <typename Enum> struct Word {
     Enum value;
 };
 
-constexpr std::array<Word<TreeKind>, 6> tree_words{{{"kd", TreeKind::kd},
+constexpr std::array<Word<TreeKind>, 7> tree_words{{{"kd", TreeKind::kd},
                                                     {"rbsp", TreeKind::rbsp},
+                                                    {"ize", TreeKind::ize},
                                                     {"random", TreeKind::random},
                                                     {"normals", TreeKind::normals},
                                                     {"clustered", TreeKind::clustered},
@@ -101,6 +107,8 @@ constexpr std::array<Word<Weighting>, 2> weighting_words{
 constexpr std::array<Word<CostPreset>, 3> preset_words{
     {{"measured", CostPreset::measured}, {"thesis", CostPreset::thesis}, {"ize", CostPreset::ize}}};
 constexpr std::array<Word<bool>, 2> flag_words{{{"true", true}, {"false", false}}};
+/// Of trees that always hold the axes.
+constexpr std::array<Word<AxesPolicy>, 2> always_axes_words{{{"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
 constexpr std::array<Word<ObliquePrice>, 3> price_words{
     {{"constant", ObliquePrice::constant}, {"linear", ObliquePrice::linear}, {"surcharge", ObliquePrice::surcharge}}};
@@ -171,7 +179,7 @@ Key flag_key(std::string name, std::string meaning, For trees, std::function<boo
 
 std::vector<Key> direction_keys() {
     return {
-        integer_key<int>("k", "directions swept at a node, the axes included", For::oblique, 1, 32,
+        integer_key<int>("k", "directions swept at a node, the axes included", For::swept, 1, 32,
                          "an integer from 1 to 32", [](Settings &s) -> int & { return s.k; }),
         word_key<DirectionSet>("directions",
                                "kdop: components -1, 0 and 1, k is 3, 7, 9 or 13; spiral: the axes and a golden-ratio "
@@ -179,7 +187,9 @@ std::vector<Key> direction_keys() {
                                For::rbsp, directions_words, [](Settings &s) -> DirectionSet & { return s.directions; }),
         word_key<AxesPolicy>(
             "axes", "x, y, z among the directions: none; plain, as any other; fast, with kd nodes of their own",
-            For::oblique, axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
+            For::drawn, axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
+        word_key<AxesPolicy>("axes", "x, y, z are: plain, swept as any other; fast, with kd nodes of their own",
+                             For::axes_held, always_axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
         word_key<Weighting>("weighting",
                             "triangles lend their normals: triangle, all alike; area, in proportion to their area "
                             "inside the node",
@@ -278,7 +288,7 @@ TreeKind parse_tree(const std::string &name) {
 Settings defaults_of(TreeKind tree) {
     Settings settings;
     settings.tree = tree;
-    if (tree == TreeKind::kd)
+    if (tree == TreeKind::kd || tree == TreeKind::ize)
         settings.k = 3;
     else if (tree == TreeKind::rbsp)
         settings.k = 13;
@@ -302,8 +312,6 @@ void apply_preset(CostPreset preset, Settings &s) {
 void check_together(const Settings &s) {
     const std::string k = "k=" + std::to_string(s.k);
     if (s.tree == TreeKind::rbsp) {
-        if (s.axes == AxesPolicy::none)
-            refuse("axes=none is not valid for rbsp, whose fixed directions hold the axes: axes is plain or fast");
         const bool kdop = s.k == 3 || s.k == 7 || s.k == 9 || s.k == 13;
         if (s.directions == DirectionSet::kdop && !kdop)
             refuse(k + " is not valid with directions=kdop: its sets have 3, 7, 9 or 13 directions; directions=spiral "

@@ -9,7 +9,7 @@
 
 namespace bsp {
 
-enum class TreeKind { kd, rbsp, random, normals, clustered, brute };
+enum class TreeKind { kd, rbsp, ize, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
 /// The fixed directions of `rbsp`.

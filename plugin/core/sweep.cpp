@@ -50,7 +50,7 @@ std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cel
         const double bonus = below == 0 || above == 0 ? cost.empty_bonus : 1.0;
         const double price = bonus * scale * (area_below * below + area_above * above);
         if (!best || price < best->cost)
-            best = SweptPlane{offset, planar_below, below, above, price};
+            best = SweptPlane{offset, planar_below, below, above, price, 0};
     };
 
     std::uint32_t started = 0, ended = 0, planar_seen = 0; // starts below, ends not above, planar ones handled

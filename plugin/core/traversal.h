@@ -8,7 +8,10 @@
 /// - along an oblique normal n, n.o errs by 2 u |n||o|, n.d by 2 u |n||d| (times t: 2 u |n| R), the difference by u |n|
 /// R and
 ///   its product with 1/(n.d) by 3 u |n| R.
-/// Planes and references were compared in double precision when the tree was built; those errors are far below u.
+/// Planes and references were compared in double precision when the tree was built; those errors are far below u. Where
+/// references may protrude beyond oblique planes by a tolerance (trees of triangle planes), the tree says so, and every
+/// such plane is widened by it: a point of a triangle is then still on its side of each plane above its leaf, for the
+/// point was compared with each of them on its own, so that tolerances do not add up on the way down.
 #pragma once
 
 #include <algorithm>
@@ -93,7 +96,7 @@ template <Fault fault> struct RayFrame {
         0; ///< components of d and values n.d nearer to 0 count as this, which moves no point by more than 2^-40 R
     float entry = 0, exit = -1; ///< where the ray is inside the scene's box, widened
 
-    RayFrame(const Ray &ray, const Box &box) : o(ray.o), d(ray.d) {
+    RayFrame(const Ray &ray, const Box &box, float plane_tolerance) : o(ray.o), d(ray.d) {
         constexpr float unit = (fault == Fault::no_bound ? 0.f : fault == Fault::small_bound ? 0x1p-28f : 0x1p-24f);
         const float largest = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
         Vec3f reach;
@@ -104,7 +107,8 @@ template <Fault fault> struct RayFrame {
         if (!(sum < HUGE_VALF && largest > 0 && largest < HUGE_VALF))
             return;
         smallest = largest * 0x1p-40f;
-        oblique_slack = unit * (2 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 6 * sum + 24 * farthest);
+        oblique_slack =
+            unit * (2 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 6 * sum + 24 * farthest) + plane_tolerance;
         entry = 0;
         exit = ray.maxt;
         for (unsigned k = 0; k < 3; ++k) {
@@ -188,7 +192,7 @@ template <Splits splits, Fault fault, typename Test, typename Query, typename Co
 void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting counting) {
     if constexpr (Counting::counts)
         ++counting.counters.rays;
-    const RayFrame<fault> frame(ray, layout.box);
+    const RayFrame<fault> frame(ray, layout.box, layout.plane_tolerance);
     float entry = frame.entry, exit = frame.exit;
     if (!(entry <= exit))
         return;

@@ -35,6 +35,7 @@ struct Tree {
     std::vector<std::uint32_t> references; ///< triangle ids of the leaves, ascending within a leaf
     double sah_cost = 0;                   ///< expected price of a random ray that meets the root's cell
     int depth = 0;                         ///< interior nodes on the longest path
+    double plane_tolerance = 0;            ///< triangles may protrude from their cells by this, beyond oblique planes
     std::size_t capped_leaves = 0;         ///< leaves that a cap on references or depth kept from being split
     std::vector<LevelCounts> levels;
     BuildPhases phases;

@@ -39,7 +39,7 @@ TEST(Settings, DefaultsAndOptions) {
 
 TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
     EXPECT_EQ(message_of("bvh", {}),
-              "there is no tree 'bvh': the trees are kd, rbsp, random, normals, clustered, brute");
+              "there is no tree 'bvh': the trees are kd, rbsp, ize, random, normals, clustered, brute");
     EXPECT_EQ(message_of("normals", {{"axes", "slow"}}), "axes=slow is not valid: axes is one of none, plain, fast");
     for (const char *k : {"0", "1000", "33", "-1", "2.5", "six", "", "6x", "nan", "1e400"})
         EXPECT_EQ(message_of("random", {{"k", k}}),
@@ -56,6 +56,10 @@ TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
 TEST(Settings, AxesCountAmongTheDirections) {
     EXPECT_NE(message_of("normals", {{"k", "2"}}).find("k=2 is not valid with axes=fast"), std::string::npos);
     EXPECT_NE(message_of("normals", {{"k", "2"}, {"axes", "plain"}}), "");
+    EXPECT_EQ(message_of("ize", {{"axes", "none"}}), "axes=none is not valid: axes is one of plain, fast");
+    EXPECT_EQ(message_of("ize", {{"axes", "plain"}}), "");
+    EXPECT_NE(message_of("ize", {{"k", "6"}}).find("ize has no setting 'k': its settings are axes, "),
+              std::string::npos);
     EXPECT_EQ(message_of("normals", {{"axes", "none"}, {"k", "1"}}), "");
 }
 
@@ -68,7 +72,7 @@ TEST(Settings, FixedDirectionsHaveSetsOfTheirOwn) {
               "any k from 3 to 32");
     EXPECT_EQ(message_of("rbsp", {{"k", "8"}, {"directions", "spiral"}}), "");
     EXPECT_NE(message_of("rbsp", {{"k", "2"}, {"directions", "spiral"}}), "");
-    EXPECT_NE(message_of("rbsp", {{"axes", "none"}}).find("axes is plain or fast"), std::string::npos);
+    EXPECT_EQ(message_of("rbsp", {{"axes", "none"}}), "axes=none is not valid: axes is one of plain, fast");
     EXPECT_NE(message_of("rbsp", {{"seed", "1"}}), "");
     EXPECT_NE(message_of("normals", {{"directions", "kdop"}}), "");
 }

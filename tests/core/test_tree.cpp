@@ -21,7 +21,8 @@ std::vector<Settings> all_settings() {
         for (const char *axes : {"none", "plain", "fast"})
             all.push_back(make_settings(tree, {{"axes", axes}}));
     for (const char *axes : {"plain", "fast"})
-        all.push_back(make_settings("rbsp", {{"axes", axes}}));
+        for (const char *tree : {"rbsp", "ize"})
+            all.push_back(make_settings(tree, {{"axes", axes}}));
     for (const char *tree : {"kd", "rbsp", "normals"})
         for (const char *cost : {"thesis", "ize"})
             all.push_back(make_settings(tree, {{"cost", cost}}));

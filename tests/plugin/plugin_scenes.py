@@ -13,7 +13,7 @@ from mitsuba_bsp.images import ImageDifference, compare_images
 from mitsuba_bsp.verification.meshes import Mesh, sphere
 
 #: Our trees; with the watertight test all of them must make the same images, bit for bit.
-TREES = ("brute", "kd", "random", "normals", "clustered:k=6,axes=plain")
+TREES = ("brute", "kd", "ize", "random", "normals", "clustered:k=6,axes=plain")
 
 #: Every accelerator but Embree.
 SPECS = (*TREES, "kd:triangle_test=mt", "native")

@@ -13,7 +13,7 @@ FACES = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
 DOWN = np.array([[0, 0, -1]] * 3, np.float32)
 ABOVE = np.array([[0.25, 0.25, 3], [0.25, 0.25, 0.5], [2, 2, 3]], np.float32)
 
-SPECS = ["kd", "random", "normals:k=4", "clustered", "brute"]
+SPECS = ["kd", "ize", "random", "normals:k=4", "clustered", "brute"]
 
 
 @pytest.mark.parametrize("spec", SPECS)

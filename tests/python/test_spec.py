@@ -10,7 +10,7 @@ from mitsuba_bsp.spec import Setting
 
 def test_names_are_mitsubas_accelerators_and_our_trees() -> None:
     assert list(specs())[:2] == ["embree", "native"]
-    assert {"kd", "random", "normals", "clustered", "brute"} <= set(specs())
+    assert {"kd", "ize", "random", "normals", "clustered", "brute"} <= set(specs())
 
 
 def test_a_spec_keeps_its_text_and_knows_all_settings() -> None:
@@ -21,7 +21,7 @@ def test_a_spec_keeps_its_text_and_knows_all_settings() -> None:
     assert "kd_clip=false" in spec.full and "kd_stop_prims=3" in spec.full
 
 
-@pytest.mark.parametrize("name", ["embree", "native", "kd", "random", "normals", "clustered", "brute"])
+@pytest.mark.parametrize("name", ["embree", "native", "kd", "ize", "random", "normals", "clustered", "brute"])
 def test_the_full_text_is_a_spec_with_the_same_meaning(name: str) -> None:
     spec = parse_spec(name)
     again = parse_spec(spec.full)

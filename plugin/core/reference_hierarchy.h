@@ -1,0 +1,83 @@
+/// The helper hierarchy of Ize, Wald, Parker (2008, section 4): counts the references of a node on either side of any
+/// plane without looking at each of them.
+#pragma once
+
+#include <algorithm>
+#include <optional>
+
+#include "references.h"
+#include "simd.h"
+
+namespace bsp {
+
+/// The references in another order: neighbours in space are neighbours in the list, and stay so in every part of it.
+ReferenceList in_spatial_order(const ReferenceList &references);
+
+/// References that lie below, on and above a plane; one that crosses it counts below and above.
+struct SideCounts {
+    std::uint32_t below = 0, on = 0, above = 0;
+};
+
+/// What the references on both sides of a plane cost together.
+struct SidePrices {
+    double below = 0, above = 0; ///< of one reference on that side
+    double empty_bonus = 1;      ///< factor where a side is empty
+    double limit = HUGE_VAL;     ///< what costs this much or more is of no interest
+
+    double price(std::uint32_t count_below, std::uint32_t count_above) const {
+        const double bonus = count_below == 0 || count_above == 0 ? empty_bonus : 1.0;
+        return bonus * (below * count_below + above * count_above);
+    }
+    /// Whether it must reach the limit, wherever the `remaining` references lie.
+    bool is_out(const SideCounts &counts, std::uint32_t remaining) const {
+        const double bonus = counts.below == 0 || counts.above == 0 ? empty_bonus : 1.0;
+        const double least = below * counts.below + above * counts.above + std::min(below, above) * remaining;
+        return bonus * least >= limit;
+    }
+};
+
+/// Boxes around the references in groups of eight, boxes around those eight times coarser, and so on. The references
+/// are best in spatial order, and must live as long.
+class ReferenceHierarchy {
+public:
+    /// References within `tolerance` of a plane, along its normal, lie on it; what reaches no further beyond the plane
+    /// does not cross it. As `split_references` with the same tolerance.
+    ReferenceHierarchy(const ReferenceList &references, double tolerance);
+
+    /// Nothing if the prices reach their limit. Adds to `work` the number of references looked at one by one. From many
+    /// threads at once.
+    std::optional<SideCounts> count(const Direction &direction, float offset, const SidePrices &prices,
+                                    std::size_t &work) const;
+
+private:
+    /// Centres and half sizes, [axis][lane], of eight boxes.
+    struct alignas(32) BoxGroup {
+        float centre[3][Float8::width], half[3][Float8::width];
+
+        void set(unsigned lane, const Bounds &box);
+        Bounds get(unsigned lane) const;
+    };
+
+    /// The boxes of `groups[0]` are the references'; those of the next level hold a group each.
+    struct Level {
+        std::vector<BoxGroup> groups;
+        std::size_t boxes = 0;
+        std::uint32_t span = 1; ///< references below one box, the last one's aside
+    };
+
+    struct Sides {
+        unsigned below, above, unknown; ///< a bit per lane
+    };
+    class PlaneLanes;
+
+    Level coarser(const Level &fine) const;
+    std::uint32_t references_in(const Level &level, std::size_t group, unsigned lanes) const;
+    void count_exactly(std::size_t reference, const Direction &direction, double offset, SideCounts &counts) const;
+
+    const ReferenceList &m_references;
+    double m_tolerance;
+    double m_margin; ///< tolerance and rounding errors of the float arithmetic on boxes
+    std::vector<Level> m_levels;
+};
+
+} // namespace bsp

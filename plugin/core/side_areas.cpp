@@ -1,0 +1,70 @@
+#include "side_areas.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bsp {
+
+SideAreas::SideAreas(const Cell &cell) : m_cell(cell.is_box() ? make_polyhedron(cell.box()) : cell.polyhedron()) {
+    for (const double area : m_cell.areas)
+        m_total += area;
+}
+
+std::optional<std::pair<double, double>> SideAreas::at(const Direction &direction, double offset, double margin) const {
+    static thread_local std::vector<double> heights;
+    heights.clear();
+    double low = 0, high = 0;
+    for (const Vec3d &v : m_cell.vertices) {
+        heights.push_back(position(direction, v) - offset);
+        low = std::min(low, heights.back());
+        high = std::max(high, heights.back());
+    }
+    if (!(low < -margin && high > margin))
+        return std::nullopt;
+
+    // The area vectors of a closed surface sum to zero: those of the faces below give that of the cross-section.
+    double below = 0;
+    Vec3d section;
+    for (std::size_t face = 0; face < m_cell.face_count(); ++face) {
+        const double area = area_below(face, heights.data());
+        below += area;
+        section = section + m_cell.normals[face] * area;
+    }
+    const double cut = norm(section);
+    return std::pair{below + cut, std::max(0.0, m_total - below) + cut};
+}
+
+/// Area of the part of a face at negative heights.
+double SideAreas::area_below(std::size_t face, const double *heights) const {
+    const std::size_t first = m_cell.starts[face], last = m_cell.starts[face + 1];
+    double low = HUGE_VAL, high = -HUGE_VAL;
+    for (std::size_t i = first; i < last; ++i) {
+        low = std::min(low, heights[m_cell.loops[i]]);
+        high = std::max(high, heights[m_cell.loops[i]]);
+    }
+    if (high <= 0)
+        return m_cell.areas[face];
+    if (low >= 0)
+        return 0;
+    // The edges below, cut at the plane where they cross it, and the cut itself make a polygon.
+    const Vec3d origin = m_cell.vertices[m_cell.loops[first]];
+    Vec3d sum, leaving, entering;
+    std::uint16_t u = m_cell.loops[last - 1];
+    for (std::size_t i = first; i < last; ++i) {
+        const std::uint16_t v = m_cell.loops[i];
+        const double before = heights[u], here = heights[v];
+        if (before < 0 || here < 0) {
+            Vec3d p = m_cell.vertices[u] - origin, q = m_cell.vertices[v] - origin;
+            const Vec3d crossing = p + (q - p) * (before / (before - here));
+            if (before >= 0)
+                entering = p = crossing;
+            if (here >= 0)
+                leaving = q = crossing;
+            sum = sum + cross(p, q);
+        }
+        u = v;
+    }
+    return std::max(0.0, dot(sum + cross(leaving, entering), m_cell.normals[face]) / 2);
+}
+
+} // namespace bsp

@@ -1,0 +1,28 @@
+/// The surface areas of both parts of a cell for single planes of any direction, where `AreaProfile` would be set up
+/// for one plane only.
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include "cell.h"
+
+namespace bsp {
+
+class SideAreas {
+public:
+    explicit SideAreas(const Cell &cell);
+
+    /// Areas of the parts below and above; nothing if one of them reaches no further than `margin` from the plane.
+    std::optional<std::pair<double, double>> at(const Direction &direction, double offset, double margin) const;
+
+    double total() const { return m_total; }
+
+private:
+    double area_below(std::size_t face, const double *heights) const;
+
+    Polyhedron m_cell;
+    double m_total = 0;
+};
+
+} // namespace bsp
