@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +34,9 @@ class Workers:
         self.interrupt_after: int | None = None
         self.brightness = {"native": 1.0001, "embree": 1.0}
 
-    def run(self, job: Job) -> JobResult:
+    def run(self, job: Job, on_stage: Callable[[str], None] | None = None) -> JobResult:
+        if on_stage:
+            on_stage(f"building {job.spec} for {job.scene}, 40%")
         if job.kind == "inspect":
             traits = {"scene_hash": "h", "triangles": 1234, "meshes": 2, "others": {}, "spp": 4, "resolution": [8, 6]}
             return JobResult({**traits, "box_filter": True, "fixed_blocks": True}, ())
@@ -59,6 +61,7 @@ class Listener:
 
     def __init__(self) -> None:
         self.notes: list[str] = []
+        self.begun: list[str] = []
         self.total = self.done = 0
         self.failures: list[Failure] = []
 
@@ -69,7 +72,7 @@ class Listener:
         self.total, self.done = jobs, done
 
     def begin(self, job: str) -> None:
-        pass
+        self.begun.append(job)
 
     def finish(self) -> None:
         self.done += 1
@@ -239,7 +242,7 @@ def test_brute_refuses_large_scenes_before_the_first_job(workers: Workers, optio
     compare(replace(options, specs=specs), Listener())
     workers.jobs.clear()
 
-    def large(job: Job) -> JobResult:
+    def large(job: Job, *_: object) -> JobResult:
         return JobResult({**workers.run(job).values, "triangles": 20_001}, ())
 
     with pytest.MonkeyPatch.context() as patch:
@@ -248,6 +251,12 @@ def test_brute_refuses_large_scenes_before_the_first_job(workers: Workers, optio
             compare(replace(options, specs=specs, out=options.out.with_name("other")), Listener())
     assert workers.jobs == []
     assert not options.out.with_name("other").exists()
+
+
+def test_progress_says_what_the_job_is_doing(workers: Workers, options: Options) -> None:
+    listener = Listener()
+    compare(options, listener)
+    assert "room: kd, timed run 1 of 3 (building 40%)" in listener.begun
 
 
 def test_scenes_of_the_same_name_are_refused(workers: Workers, options: Options, tmp_path: Path) -> None:
@@ -277,7 +286,7 @@ def test_the_tables_show_what_was_measured(workers: Workers, options: Options) -
 def test_an_image_that_does_not_repeat_is_pointed_out(workers: Workers, options: Options) -> None:
     real = workers.run
 
-    def unstable(job: Job) -> JobResult:
+    def unstable(job: Job, *_: object) -> JobResult:
         found = real(job)
         return (
             JobResult({**found.values, "pixels_sha256": "q"}, ()) if (job.kind, job.spec) == ("time", "kd") else found
