@@ -37,9 +37,9 @@ enum class ObliquePrice {
 
 /// Prices of the surface area heuristic (MacDonald, Booth 1990). Only their ratios matter.
 struct CostModel {
-    double intersection_cost = 0.3; ///< one triangle test
-    double axis_cost = 1.0;         ///< one step through an axis-aligned node
-    double oblique_cost = 1.1;      ///< one step through an oblique node
+    double intersection_cost = 0.15; ///< one triangle test
+    double axis_cost = 1.0;          ///< one step through an axis-aligned node
+    double oblique_cost = 1.1;       ///< one step through an oblique node
     ObliquePrice oblique_price = ObliquePrice::surcharge;
     double alpha = 0.1;       ///< how the price of oblique splits grows with the node
     bool retry = true;        ///< where nothing beats the leaf, oblique splits are tried again at `oblique_cost`

@@ -58,8 +58,16 @@ class LoadedScene:
         return state
 
     def construct(self, state: mi.parser.ParserState) -> mi.Scene:
-        """Make the scene from loaded objects: building the accelerator is nearly all the work."""
-        return mi.parser.instantiate(self.config, state)
+        """Make the scene from loaded objects: building the accelerator is nearly all the work.
+
+        KeyboardInterrupt if Ctrl-C ends the building of our trees.
+        """
+        try:
+            return mi.parser.instantiate(self.config, state)
+        except RuntimeError as error:
+            if "building the tree was interrupted" in str(error):
+                raise KeyboardInterrupt from None
+            raise
 
 
 def load_file(
