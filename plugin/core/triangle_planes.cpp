@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "parallel.h"
 #include "reference_hierarchy.h"
@@ -92,9 +93,13 @@ std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const 
     const auto search_range = [&](std::size_t begin, std::size_t end) {
         PlaneSearch search(hierarchy, areas, cost, tolerance, limit);
         const double most_work = work_per_triangle(references.size()) * double(end - begin);
-        for (std::size_t i = begin; i < end && double(search.work) <= most_work; ++i)
-            for (const TrianglePlane &plane : planes_along(set.triangles[references.ids[i]]))
+        for (std::size_t i = begin; i < end && double(search.work) <= most_work; ++i) {
+            const Triangle &triangle = set.triangles[references.ids[i]];
+            if (i > begin && std::memcmp(&triangle, &set.triangles[references.ids[i - 1]], sizeof triangle) == 0)
+                continue; // one on top of the other
+            for (const TrianglePlane &plane : planes_along(triangle))
                 search.consider(plane);
+        }
         return search.best;
     };
     if (references.size() <= triangles_per_task)
