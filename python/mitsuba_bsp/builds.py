@@ -59,7 +59,7 @@ def measure_builds(options: BuildOptions, listener: Listener) -> tuple[list[Scen
         if not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to build a tree over")
     turns = [turn for repeat in range(options.repeats) for turn in _round(options, scenes, repeat)]
-    folder.prepare()
+    folder.prepare("")
     done = {(row["scene"], row["size"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
     listener.start(scenes, len(turns), len(turns) - len(todo))

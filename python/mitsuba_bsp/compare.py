@@ -96,7 +96,7 @@ def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list
     folder = ResultsFolder(options.out)
     run = _Run(options, listener, folder, [], set())
     scenes = preflight(options, folder, run.note)
-    folder.prepare("images")
+    folder.prepare()
     todo_count, todo_time = _to_count(run, scenes), _to_time(run, scenes)
     total = len(scenes) * len(options.specs) * (options.repeats + 1)
     listener.start(scenes, total, total - len(todo_count) - len(todo_time))

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .build_table import Growth
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]:
     """Write growth.png and growth.svg: a point a size, the fitted powers, and n log n for the eye."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
-    from matplotlib.ticker import EngFormatter
 
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes = figure.add_subplot(xscale="log", yscale="log", xlabel="triangles", ylabel="build time (s)", title=title)
@@ -29,8 +32,7 @@ def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]
         guide = growth.seconds[0] * n * np.log(n) / (n[0] * np.log(n[0]))
         axes.plot(n, guide, color="0.55", linewidth=0.8, linestyle=":", zorder=1)
     axes.plot([], [], color="0.55", linewidth=0.8, linestyle=":", label="n log n, from the smallest size")
-    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.yaxis.set_major_formatter("{x:g}")
+    _label_ticks(axes, sorted({size for growth in found for size in growth.triangles}))
     axes.grid(which="major", color="0.9", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
@@ -40,3 +42,15 @@ def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]
         for file in files:
             figure.savefig(file, dpi=160, metadata={"Date": None} if file.suffix == ".svg" else {"Software": None})
     return files
+
+
+def _label_ticks(axes: Axes, sizes: Sequence[int]) -> None:
+    """Ticks at the sizes that were measured, and at round times."""
+    from matplotlib.ticker import EngFormatter, LogLocator, NullLocator
+
+    label = EngFormatter(sep="", places=0)
+    axes.set_xticks(sizes, [label(size) for size in sizes])
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(NullLocator())

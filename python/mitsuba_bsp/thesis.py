@@ -73,7 +73,7 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
     for scene in scenes:
         if not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to count")
-    folder.prepare()
+    folder.prepare("")
     done = {(row["scene"], row["spec"]) for row in folder.records()}
     frames = [(scene, spec) for scene in scenes for spec in options.specs]
     todo = [(scene, spec) for scene, spec in frames if (scene.name, spec.text) not in done]
