@@ -149,7 +149,7 @@ class TestCompare:
     def test_status_1_if_a_job_failed_and_the_others_finished(
         self, room: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
     ) -> None:
-        def run(job: Job) -> JobResult:
+        def run(job: Job, *_: object) -> JobResult:
             if job.spec == "kd":
                 raise JobError("the worker was killed")
             return run_job(job)
