@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from .bench_rays_cli import add_ray_options, ray_options, run_replays, show
+from .bench_cli import run_with_bar, show
+from .bench_rays_cli import add_ray_options, ray_options
 from .calibration import LEGEND, SPECS, calibration_tables, fit, measurements
 from .records import ResultsFolder
-from .replays import newest_replay
+from .replays import newest_replay, replay_scenes
 from .terminal import INTERRUPTED, chosen_scenes
 
 MIN_REPEATS = 3
@@ -27,7 +28,7 @@ def _calibrate(args: argparse.Namespace) -> int:
     """`mitsuba-bsp calibrate`."""
     scenes = tuple(dict.fromkeys((*chosen_scenes(()), *chosen_scenes(args.scenes))))
     options = ray_options(args, scenes, "calibrate", MIN_REPEATS, SPECS)
-    bar, status = run_replays(options)
+    bar, status = run_with_bar(options, replay_scenes)
     folder = ResultsFolder(options.out)
     rows = [row for scene in bar.scenes for row in newest_replay(folder, options, scene)]
     if rows and status != INTERRUPTED:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from . import bench_rays_cli, calibrate_cli, plugin_dir, specs
+from . import bench_build_cli, bench_rays_cli, bench_thesis_cli, calibrate_cli, plugin_dir, specs
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
 from .jobs import Job, JobError, run_job
@@ -75,7 +75,8 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = commands.add_parser("bench", help="measure one part of rendering at a time")
     kinds = bench.add_subparsers(title="what is measured", required=True, metavar="WHAT")
-    bench_rays_cli.add_command(kinds)
+    for kind in (bench_rays_cli, bench_build_cli, bench_thesis_cli):
+        kind.add_command(kinds)
     calibrate_cli.add_command(commands)
 
     sub = commands.add_parser("specs", help="list the accelerators and their settings")

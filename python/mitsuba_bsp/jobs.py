@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from .messages import one_sentence
 
-Kind = Literal["inspect", "count", "time", "render", "blame", "record", "replay"]
+Kind = Literal["inspect", "count", "time", "render", "blame", "record", "replay", "build", "grow"]
 
 
 #: How often a worker is asked what it is doing.
@@ -33,6 +33,7 @@ class Job:
     `inspect` loads it and describes it; `count` renders it with ray counters and the box filter; `time` measures
     building and rendering; `render` makes an image as the scene says; `blame` reads its mesh files one by one.
     `record` renders it once and writes its rays to `streams`; `replay` times those rays under each of `specs`.
+    `build` measures building alone; `grow` likewise, of a tree over its meshes tessellated to `triangles`.
     `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
     `cache` is the folder in which trees are kept, if any.
     """
@@ -53,6 +54,7 @@ class Job:
     repeats: int = 0
     streams: str = ""
     max_rays: int = 0
+    triangles: int = 0
 
 
 @dataclass(frozen=True)

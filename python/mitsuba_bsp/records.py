@@ -39,7 +39,7 @@ class ResultsFolder:
             raise ValueError(f"cannot write to the output folder {self.path}: {error.strerror}") from None
 
     def prepare(self, subfolder: str = "images") -> None:
-        """Create the folder with a subfolder, and cut off a record whose writing was interrupted."""
+        """Create the folder, with a subfolder unless that is "", and cut off a record whose writing was interrupted."""
         (self.path / subfolder).mkdir(parents=True, exist_ok=True)
         for file in (self.records_file, self.counters_file, self.failures_file):
             _drop_unfinished_line(file)

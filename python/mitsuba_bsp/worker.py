@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from .build_jobs import build, grow
 from .exr import write_exr
 from .jobs import Job
 from .loading import LoadedScene, open_file, parsed_file
@@ -142,11 +143,12 @@ def _inspect(job: Job, stage: Stage) -> dict[str, Any]:
 
 
 def _count(job: Job, stage: Stage) -> dict[str, Any]:
-    """Render once, untimed, with ray counters and the box filter, and write the image."""
+    """Render once, untimed, with ray counters and the box filter, and write the image if it has a path."""
     scene, _ = _construct(job, _load(job, stage, box=True), stage, count=True)
     pixels, _ = _render(job, scene, stage, _spp(job, scene))
-    stage(f"writing {job.image}")
-    _write_images(job, scene, pixels)
+    if job.image:
+        stage(f"writing {job.image}")
+        _write_images(job, scene, pixels)
     return {"statistics": statistics(scene), "pixels_sha256": _digest(pixels)}
 
 
@@ -233,6 +235,8 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "blame": _blame,
     "record": record,
     "replay": replay,
+    "build": build,
+    "grow": grow,
 }
 
 if __name__ == "__main__":

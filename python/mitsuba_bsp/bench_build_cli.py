@@ -1,0 +1,121 @@
+"""The command `mitsuba-bsp bench build`."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+
+from . import scenes_dir
+from .bench_cli import add_scene_options, run_with_bar, show
+from .build_table import GROWTH_LEGEND, LEGEND, NO_PEAK, growths, make_build_tables, make_growth_tables
+from .builds import BuildOptions, measure_builds
+from .growth import SIZES
+from .growth_plot import plot_growth
+from .machine import available_threads
+from .records import ResultsFolder
+from .spec import Spec, parse_spec
+from .terminal import ProgressBar, chosen_scenes, out, positive, say
+
+DEFAULT_SPECS = ("native", "kd", "normals", "clustered", "random", "rbsp", "ize")
+GROWTH_SPECS = ("kd", "normals")
+
+MIN_REPEATS, MIN_GROWTH_REPEATS = 5, 3
+
+
+def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the group `bench`."""
+    sub = kinds.add_parser("build", help="time building alone, and the memory that it takes")
+    add_scene_options(sub, "the built-in scenes; with --growth the built-in knot")
+    sub.add_argument(
+        "--specs",
+        nargs="+",
+        metavar="SPEC",
+        help=f"default: {' '.join(DEFAULT_SPECS)}; with --growth {' '.join(GROWTH_SPECS)}",
+    )
+    sub.add_argument(
+        "--repeats",
+        type=positive,
+        metavar="N",
+        help=f"runs of each, {MIN_REPEATS} or more; with --growth {MIN_GROWTH_REPEATS} or more",
+    )
+    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
+    sub.add_argument(
+        "--growth", action="store_true", help="tessellate one scene to ever more triangles, fit the growth"
+    )
+    sub.add_argument(
+        "--sizes",
+        nargs="+",
+        type=positive,
+        metavar="N",
+        help=f"triangles, only with --growth; default: {' '.join(map(str, SIZES))}",
+    )
+    sub.set_defaults(run=_bench_build)
+
+
+def _bench_build(args: argparse.Namespace) -> int:
+    """`mitsuba-bsp bench build`."""
+    options = _options(args)
+    bar, status = run_with_bar(options, measure_builds)
+    folder = ResultsFolder(options.out)
+    rows = folder.records() if bar.scenes else []
+    if any(row["peak_build_bytes"] is None for row in rows):
+        say("note", NO_PEAK, "yellow")
+    if bar.scenes and options.sizes:
+        _show_growth(options, folder, bar)
+    elif bar.scenes:
+        show(options, "Builds", LEGEND, make_build_tables(bar.scenes, options, folder), bar)
+    return status
+
+
+def _show_growth(options: BuildOptions, folder: ResultsFolder, bar: ProgressBar) -> None:
+    (scene,) = bar.scenes
+    found = growths(scene, options, folder)
+    if any(growth.law for growth in found):
+        files = plot_growth(f"Building a tree over {scene.name}, tessellated", found, options.out)
+        out.print(f"The figure is in {files[0]} and {files[1].name}", soft_wrap=True, markup=False)
+    show(options, "Growth of building", GROWTH_LEGEND, make_growth_tables(scene, found), bar)
+
+
+def _options(args: argparse.Namespace) -> BuildOptions:
+    """The checked options."""
+    least = MIN_GROWTH_REPEATS if args.growth else MIN_REPEATS
+    repeats = args.repeats or least
+    if repeats < least:
+        raise ValueError(f"--repeats is {repeats}, but it must be at least {least}")
+    return BuildOptions(
+        scenes=_growth_scene(args) if args.growth else chosen_scenes(args.scenes),
+        specs=_specs(args),
+        out=args.out or Path("results", f"bench-build-{datetime.now():%Y%m%d-%H%M%S}"),
+        variant=args.variant,
+        threads=args.threads,
+        params=dict(args.params),
+        repeats=repeats,
+        sizes=_sizes(args),
+    )
+
+
+def _growth_scene(args: argparse.Namespace) -> tuple[Path, ...]:
+    if len(args.scenes) > 1:
+        raise ValueError(
+            f"--growth takes one scene, but there are {len(args.scenes)}: {' '.join(map(str, args.scenes))}"
+        )
+    return chosen_scenes(args.scenes or [scenes_dir() / "knot.xml"])
+
+
+def _specs(args: argparse.Namespace) -> tuple[Spec, ...]:
+    found = tuple(
+        parse_spec(text) for text in dict.fromkeys(args.specs or (GROWTH_SPECS if args.growth else DEFAULT_SPECS))
+    )
+    for spec in found if args.growth else ():
+        if not spec.is_tree:
+            raise ValueError(
+                f'--growth builds without Mitsuba, where there is no "{spec.text}": leave it out of --specs'
+            )
+    return found
+
+
+def _sizes(args: argparse.Namespace) -> tuple[int, ...]:
+    if args.sizes and not args.growth:
+        raise ValueError("--sizes goes with --growth only")
+    return tuple(args.sizes or SIZES) if args.growth else ()

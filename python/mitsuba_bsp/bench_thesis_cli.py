@@ -1,0 +1,52 @@
+"""The command `mitsuba-bsp bench thesis`."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+
+from .bench_cli import add_scene_options, run_with_bar, show
+from .comparison import Options
+from .machine import available_threads
+from .records import ResultsFolder
+from .spec import parse_spec
+from .terminal import chosen_scenes, positive
+from .thesis import BASELINE, SPECS, count_frames
+from .thesis_table import LEGEND, make_thesis_tables
+
+
+def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the group `bench`."""
+    sub = kinds.add_parser("thesis", help="count tests and steps of the thesis's trees, beside its published numbers")
+    add_scene_options(sub)
+    sub.add_argument(
+        "--specs", nargs="+", default=SPECS, metavar="SPEC", help=f"besides {BASELINE}; default: {' '.join(SPECS[1:])}"
+    )
+    sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
+    sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
+    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
+    sub.set_defaults(run=_bench_thesis)
+
+
+def _bench_thesis(args: argparse.Namespace) -> int:
+    """`mitsuba-bsp bench thesis`."""
+    specs = tuple(parse_spec(text) for text in dict.fromkeys((BASELINE, *args.specs)))
+    for spec in specs:
+        if not spec.is_tree:
+            raise ValueError(f'"{spec.text}" does not count the work for its rays: leave it out of --specs')
+    options = Options(
+        scenes=chosen_scenes(args.scenes),
+        specs=specs,
+        out=args.out or Path("results", f"bench-thesis-{datetime.now():%Y%m%d-%H%M%S}"),
+        variant=args.variant,
+        threads=args.threads,
+        params=dict(args.params),
+        spp=args.spp,
+        resolution=args.resolution,
+    )
+    bar, status = run_with_bar(options, count_frames)
+    if bar.scenes:
+        tables = make_thesis_tables(bar.scenes, options, ResultsFolder(options.out))
+        show(options, "The thesis's counters", LEGEND, tables, bar)
+    return status
