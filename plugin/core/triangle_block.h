@@ -12,7 +12,7 @@ namespace bsp {
 struct alignas(32) TriangleBlock {
     static constexpr unsigned width = Float8::width;
 
-    float vertices[3][3][width]; ///< [vertex][axis][lane]; unused lanes hold anything finite
+    float vertices[3][3][width]; ///< [vertex][axis][lane]; unused lanes hold a point, which is never hit
     std::uint32_t ids[width];    ///< `no_triangle` in unused lanes
 
     void set(unsigned lane, const Triangle &t, std::uint32_t id) {
@@ -21,6 +21,14 @@ struct alignas(32) TriangleBlock {
             for (unsigned axis = 0; axis < 3; ++axis)
                 vertices[vertex][axis][lane] = corners[vertex][axis];
         ids[lane] = id;
+    }
+
+    /// Lanes in use.
+    unsigned size() const {
+        unsigned count = 0;
+        for (const std::uint32_t id : ids)
+            count += id != no_triangle;
+        return count;
     }
 
     Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }

@@ -50,7 +50,7 @@ public:
         const Float8 w = x[1] * y[0] - y[1] * x[0];
         const Float8 zero = Float8::all(0);
         const Float8 outside = (min(min(u, v), w) < zero) & (max(max(u, v), w) > zero);
-        return ~outside.bits();
+        return ~outside.bits() & ((1u << TriangleBlock::width) - 1);
     }
 
     std::optional<TriangleHit> intersect(const Triangle &triangle) const {
