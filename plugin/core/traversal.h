@@ -127,13 +127,13 @@ template <Fault fault> struct RayFrame {
     }
 };
 
-/// Offers the triangles of blocks to the query; true if the search is over. Unused lanes are never hit.
+/// Offers the triangles of blocks to the query; true if the search is over.
 template <Fault fault, typename Test, typename Query, typename Counting>
 bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &test, Query &query, Counting counting) {
     if constexpr (Counting::counts) {
         ++counting.counters.leaves;
         for (std::uint32_t i = 0; i < count; ++i)
-            counting.counters.triangle_tests += block[i].size();
+            counting.counters.triangle_tests += unsigned(__builtin_popcount(block[i].used()));
     }
     for (; count > 0; --count, ++block)
         for (unsigned lanes = test.candidates(*block); lanes != 0; lanes &= lanes - 1) {

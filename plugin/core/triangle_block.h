@@ -12,7 +12,7 @@ namespace bsp {
 struct alignas(32) TriangleBlock {
     static constexpr unsigned width = Float8::width;
 
-    float vertices[3][3][width]; ///< [vertex][axis][lane]; unused lanes hold a point, which is never hit
+    float vertices[3][3][width]; ///< [vertex][axis][lane]; unused lanes hold anything finite
     std::uint32_t ids[width];    ///< `no_triangle` in unused lanes
 
     void set(unsigned lane, const Triangle &t, std::uint32_t id) {
@@ -23,12 +23,11 @@ struct alignas(32) TriangleBlock {
         ids[lane] = id;
     }
 
-    /// Lanes in use.
-    unsigned size() const {
-        unsigned count = 0;
-        for (const std::uint32_t id : ids)
-            count += id != no_triangle;
-        return count;
+    /// A bit for each lane in use.
+    unsigned used() const {
+        const __m256i none = _mm256_cmpeq_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(ids)),
+                                                _mm256_set1_epi32(int(no_triangle)));
+        return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(none))) ^ ((1u << width) - 1);
     }
 
     Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }

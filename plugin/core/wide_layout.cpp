@@ -47,7 +47,7 @@ private:
         if (node.kind != TreeNode::Kind::leaf)
             return WideChild::node(add_node(from));
         if (node.count == 0)
-            return {};
+            return WideChild{};
         const std::size_t first = m_layout.blocks.size();
         add_blocks(m_tree.references.data() + node.first, node.count, m_set, m_layout.blocks);
         return leaf_child(first, m_layout.blocks.size() - first);

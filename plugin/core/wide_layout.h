@@ -34,7 +34,7 @@ private:
     static constexpr std::uint32_t leaf_bit = 1u << 31;
     explicit WideChild(std::uint32_t bits) : m_bits(bits) {}
 
-    std::uint32_t m_bits = 0;
+    std::uint32_t m_bits; ///< not initialised by default, for stacks of them
 };
 
 /// Plane i parts the cells of a treelet whose root is plane 0; the planes below and above plane i are 2i + 1 and 2i

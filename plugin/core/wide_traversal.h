@@ -126,10 +126,10 @@ void traverse(const WideLayout &layout, const Ray &ray, Query &query, Counting c
         unsigned ranks = cut.ranks;
         while (ranks != 0) { // the farthest first, so that the nearest is on top
             const unsigned rank = 31 - unsigned(__builtin_clz(ranks));
-            ranks &= ~(1u << rank);
+            ranks ^= 1u << rank;
             const WideChild child = node->children[cut.cells[rank]];
-            if (!child.is_empty() && (fault != Fault::short_stack || pending < stack_size))
-                stack[pending++] = {child, cut.entry[rank], cut.exit[rank]};
+            stack[pending] = {child, cut.entry[rank], cut.exit[rank]};
+            pending += !child.is_empty() && (fault != Fault::short_stack || pending + 1 < stack_size);
         }
         for (;;) {
             if (pending == 0)
