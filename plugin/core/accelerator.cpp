@@ -4,8 +4,8 @@
 #include <optional>
 #include <stdexcept>
 
-#include "binary_tree.h"
 #include "builder.h"
+#include "packed_tree.h"
 #include "tree_file.h"
 
 namespace bsp {
@@ -74,10 +74,6 @@ private:
     std::vector<Entry> m_triangles;
 };
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 /// The saved tree, if there is one and it is sound.
 std::optional<Tree> load(const TreeFile &file, const TriangleSet &set, std::string &warning) {
     try {
@@ -111,13 +107,10 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settin
     statistics.loaded = tree.has_value();
     if (!tree)
         tree = build_tree(set, settings, options.monitor);
-    const auto built = std::chrono::steady_clock::now();
-    BinaryLayout layout = pack_binary(*tree, set);
-    tree->phases.pack_s = seconds_since(built);
-    statistics.build_s = seconds_since(start);
+    statistics.build_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (file && !statistics.loaded)
         save(*file, *tree, statistics.warning);
-    return make_binary_tree<Test, Fault::none>(std::move(layout), *tree, set, std::move(statistics));
+    return pack_tree<Test, Fault::none>(*tree, set, settings.layout, std::move(statistics));
 }
 
 } // namespace

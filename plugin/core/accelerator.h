@@ -18,12 +18,6 @@ struct Plane {
     float offset;
 };
 
-/// Some of the bytes that an accelerator reads while it answers.
-struct MemoryPart {
-    const void *data;
-    std::size_t size;
-};
-
 /// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw. A
 /// ray with a component that is not finite, or without direction, hits nothing.
 class Accelerator {

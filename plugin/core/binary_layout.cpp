@@ -20,22 +20,6 @@ std::uint32_t checked_index(std::size_t index) {
     return std::uint32_t(index);
 }
 
-/// Appends a leaf's triangles as blocks; returns the first.
-std::uint32_t add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
-                         std::vector<TriangleBlock> &blocks) {
-    const std::uint32_t first = checked_index(blocks.size());
-    for (std::size_t i = 0; i < count; i += TriangleBlock::width) {
-        TriangleBlock block{};
-        for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)
-            if (i + lane < count)
-                block.set(lane, set.triangles[ids[i + lane]], ids[i + lane]);
-            else
-                block.set(lane, Triangle{}, no_triangle);
-        blocks.push_back(block);
-    }
-    return first;
-}
-
 /// The directions of a tree's oblique nodes if they are few, compared with their nodes and with `max_families`.
 std::vector<Direction> find_families(const Tree &tree) {
     constexpr std::size_t nodes_per_family = 8; // a ray meets few nodes; a family it does not meet costs it time
@@ -102,21 +86,43 @@ private:
 
 } // namespace
 
+Box packed_box(const TriangleSet &set) {
+    const Bounds root = root_box(set);
+    Box box;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        box.lower[axis] = round_down(root.lower[axis]);
+        box.upper[axis] = round_up(root.upper[axis]);
+    }
+    return box;
+}
+
+float packed_tolerance(const Tree &tree) { return round_up(tree.plane_tolerance); }
+
+void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
+                std::vector<TriangleBlock> &blocks) {
+    for (std::size_t i = 0; i < count; i += TriangleBlock::width) {
+        TriangleBlock block{};
+        for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)
+            if (i + lane < count)
+                block.set(lane, set.triangles[ids[i + lane]], ids[i + lane]);
+            else
+                block.set(lane, Triangle{}, no_triangle);
+        blocks.push_back(block);
+    }
+}
+
 BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
     BinaryLayout layout;
-    const Bounds root = root_box(set);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        layout.box.lower[axis] = round_down(root.lower[axis]);
-        layout.box.upper[axis] = round_up(root.upper[axis]);
-    }
+    layout.box = packed_box(set);
     layout.families = find_families(tree);
     layout.splits = splits_of(tree, layout.families);
-    layout.plane_tolerance = round_up(tree.plane_tolerance);
+    layout.plane_tolerance = packed_tolerance(tree);
     NodeWriter writer(tree, layout);
     for (const TreeNode &node : tree.nodes) {
         if (node.kind == TreeNode::Kind::leaf) {
             const std::uint32_t *ids = tree.references.data() + node.first;
-            layout.words.push_back(NodeWord::make_leaf(add_blocks(ids, node.count, set, layout.blocks), node.count));
+            layout.words.push_back(NodeWord::make_leaf(checked_index(layout.blocks.size()), node.count));
+            add_blocks(ids, node.count, set, layout.blocks);
         } else {
             writer.write(node);
         }

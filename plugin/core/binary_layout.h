@@ -86,11 +86,21 @@ struct BinaryLayout {
     std::vector<Direction> families; ///< of `Splits::families`
     float plane_tolerance = 0; ///< triangles may lie beyond oblique planes by this, as a position along the normal
 
-    std::size_t bytes() const { return words.size() * sizeof(NodeWord) + blocks.size() * sizeof(TriangleBlock); }
+    std::vector<MemoryPart> memory() const {
+        return {{words.data(), words.size() * sizeof(NodeWord)},
+                {blocks.data(), blocks.size() * sizeof(TriangleBlock)}};
+    }
 };
 
 /// The split planes, in the order of the nodes.
 std::vector<Plane> planes_of(const BinaryLayout &layout);
+
+// What every layout takes over from a tree.
+Box packed_box(const TriangleSet &set);
+float packed_tolerance(const Tree &tree);
+/// Appends a leaf's triangles as blocks.
+void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
+                std::vector<TriangleBlock> &blocks);
 
 /// Throws std::length_error if the tree does not fit 26-bit indices.
 BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set);

@@ -2,13 +2,13 @@
 
 #include <stdexcept>
 
-#include "binary_tree.h"
 #include "builder.h"
+#include "packed_tree.h"
 
 namespace bsp {
 namespace {
 
-using Maker = std::unique_ptr<Accelerator> (*)(BinaryLayout, const Tree &, const TriangleSet &, Statistics);
+using Maker = std::unique_ptr<Accelerator> (*)(const Tree &, const TriangleSet &, LayoutKind, Statistics);
 
 struct NamedFault {
     const char *name;
@@ -16,14 +16,14 @@ struct NamedFault {
 };
 
 constexpr NamedFault faults[] = {
-    {"first_of_ties", make_binary_tree<WoopTest, Fault::first_of_ties>},
-    {"far_child_dropped", make_binary_tree<WoopTest, Fault::far_child_dropped>},
-    {"wrong_side", make_binary_tree<WoopTest, Fault::wrong_side>},
-    {"signed_zero", make_binary_tree<WoopTest, Fault::signed_zero>},
-    {"small_bound", make_binary_tree<WoopTest, Fault::small_bound>},
-    {"no_bound", make_binary_tree<WoopTest, Fault::no_bound>},
-    {"early_out", make_binary_tree<WoopTest, Fault::early_out>},
-    {"short_stack", make_binary_tree<WoopTest, Fault::short_stack>},
+    {"first_of_ties", pack_tree<WoopTest, Fault::first_of_ties>},
+    {"far_child_dropped", pack_tree<WoopTest, Fault::far_child_dropped>},
+    {"wrong_side", pack_tree<WoopTest, Fault::wrong_side>},
+    {"signed_zero", pack_tree<WoopTest, Fault::signed_zero>},
+    {"small_bound", pack_tree<WoopTest, Fault::small_bound>},
+    {"no_bound", pack_tree<WoopTest, Fault::no_bound>},
+    {"early_out", pack_tree<WoopTest, Fault::early_out>},
+    {"short_stack", pack_tree<WoopTest, Fault::short_stack>},
 };
 
 } // namespace
@@ -42,7 +42,7 @@ std::unique_ptr<Accelerator> make_faulty_accelerator(const TriangleSet &set, con
     for (const NamedFault &fault : faults)
         if (name == fault.name) {
             const Tree tree = build_tree(set, settings);
-            return fault.make(pack_binary(tree, set), tree, set, {});
+            return fault.make(tree, set, settings.layout, {});
         }
     std::string known;
     for (const std::string &other : fault_names())

@@ -39,4 +39,10 @@ struct Counters {
     }
 };
 
+/// Some of the bytes that an accelerator reads while it answers.
+struct MemoryPart {
+    const void *data;
+    std::size_t size;
+};
+
 } // namespace bsp

@@ -110,6 +110,7 @@ constexpr std::array<Word<bool>, 2> flag_words{{{"true", true}, {"false", false}
 /// Of trees that always hold the axes.
 constexpr std::array<Word<AxesPolicy>, 2> always_axes_words{{{"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
+constexpr std::array<Word<LayoutKind>, 2> layout_words{{{"binary", LayoutKind::binary}, {"wide", LayoutKind::wide}}};
 constexpr std::array<Word<ObliquePrice>, 3> price_words{
     {{"constant", ObliquePrice::constant}, {"linear", ObliquePrice::linear}, {"surcharge", ObliquePrice::surcharge}}};
 
@@ -200,6 +201,8 @@ std::vector<Key> direction_keys() {
         word_key<TriangleTest>(
             "triangle_test", "woop: watertight (Woop, Benthin, Wald 2013); mt: the arithmetic of Mitsuba's own meshes",
             For::all, test_words, [](Settings &s) -> TriangleTest & { return s.triangle_test; }),
+        word_key<LayoutKind>("layout", "nodes of one plane (binary) or of seven planes tested at once (wide)",
+                             For::built, layout_words, [](Settings &s) -> LayoutKind & { return s.layout; }),
     };
 }
 

@@ -12,6 +12,11 @@ namespace bsp {
 enum class TreeKind { kd, rbsp, ize, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
+/// How nodes are stored and traversed.
+enum class LayoutKind {
+    binary, ///< one plane a node, as in the papers
+    wide,   ///< seven planes a node, tested at once
+};
 /// The fixed directions of `rbsp`.
 enum class DirectionSet {
     kdop,   ///< components -1, 0 and 1, for k = 3, 7, 9, 13: Klosowski et al. 1998
@@ -54,6 +59,7 @@ struct Settings {
     DirectionSet directions = DirectionSet::kdop;
     Weighting weighting = Weighting::triangle;
     TriangleTest triangle_test = TriangleTest::woop;
+    LayoutKind layout = LayoutKind::binary;
     CostPreset preset = CostPreset::measured;
     CostModel cost;
     int leaf_size = 1;           ///< nodes with this many triangles or fewer are not split

@@ -5,7 +5,7 @@
 /// largest distance along axis k from the origin to the scene's box, and R the largest R_k:
 /// - a hit that `WoopTest` reports lies within 8 u R, per axis, of a point of the triangle (shear: 6 u R; t: 2 u R);
 /// - along an axis, offset - o_k errs by u R_k, its product with 1/d_k by 3 u R_k;
-/// - along an oblique normal n, n.o errs by 2 u |n||o|, n.d by 2 u |n||d| (times t: 2 u |n| R), the difference by u |n|
+/// - along an oblique normal n, n.o errs by 3 u |n||o|, n.d by 3 u |n||d| (times t: 3 u |n| R), the difference by u |n|
 /// R and
 ///   its product with 1/(n.d) by 3 u |n| R.
 /// Planes and references were compared in double precision when the tree was built; those errors are far below u. Where
@@ -108,7 +108,7 @@ template <Fault fault> struct RayFrame {
             return;
         smallest = largest * 0x1p-40f;
         oblique_slack =
-            unit * (2 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 6 * sum + 24 * farthest) + plane_tolerance;
+            unit * (3 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 7 * sum + 24 * farthest) + plane_tolerance;
         entry = 0;
         exit = ray.maxt;
         for (unsigned k = 0; k < 3; ++k) {
@@ -127,29 +127,22 @@ template <Fault fault> struct RayFrame {
     }
 };
 
-/// Offers all triangles of a leaf to the query; true if the search is over.
+/// Offers the triangles of blocks to the query; true if the search is over.
 template <Fault fault, typename Test, typename Query, typename Counting>
-bool visit_leaf(const TriangleBlock *block, std::uint32_t count, const Test &test, Query &query, Counting counting) {
+bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &test, Query &query, Counting counting) {
     if constexpr (Counting::counts) {
         ++counting.counters.leaves;
-        counting.counters.triangle_tests += count;
+        for (std::uint32_t i = 0; i < count; ++i)
+            counting.counters.triangle_tests += unsigned(__builtin_popcount(block[i].used()));
     }
-    for (;; ++block) {
-        unsigned lanes = test.candidates(*block);
-        if (count < TriangleBlock::width)
-            lanes &= (1u << count) - 1;
-        else
-            lanes &= (1u << TriangleBlock::width) - 1;
-        for (; lanes != 0; lanes &= lanes - 1) {
+    for (; count > 0; --count, ++block)
+        for (unsigned lanes = test.candidates(*block); lanes != 0; lanes &= lanes - 1) {
             const unsigned lane = unsigned(__builtin_ctz(lanes));
             if (const auto hit = test.intersect(block->triangle(lane)))
                 if (query.template offer<fault>(*hit, block->ids[lane]))
                     return true;
         }
-        if (count <= TriangleBlock::width)
-            return false;
-        count -= TriangleBlock::width;
-    }
+    return false;
 }
 
 /// Where a ray meets the planes of one direction: t = (offset - start) * inverse, give or take `slack`.
@@ -241,9 +234,11 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
             }
             continue;
         }
-        if (const std::uint32_t count = word.triangle_count())
-            if (visit_leaf<fault>(layout.blocks.data() + word.index(), count, test, query, counting))
+        if (const std::uint32_t count = word.triangle_count()) {
+            const std::uint32_t blocks = (count + TriangleBlock::width - 1) / TriangleBlock::width;
+            if (visit_blocks<fault>(layout.blocks.data() + word.index(), blocks, test, query, counting))
                 return;
+        }
         do {
             if (pending == 0)
                 return;

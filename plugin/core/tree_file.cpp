@@ -86,7 +86,8 @@ std::uint64_t hash_of(Header header, const std::vector<SavedNode> &nodes,
 
 std::uint64_t key_of(const TriangleSet &set, const Settings &settings) {
     Settings shaping = settings;
-    shaping.triangle_test = TriangleTest{}; // decides nothing about the tree
+    shaping.triangle_test = TriangleTest{}; // these decide nothing about the tree
+    shaping.layout = LayoutKind{};
     const std::string text = BSP_CORE_SOURCES + full_spec(shaping);
     Hash hash;
     hash.add(text.data(), text.size());

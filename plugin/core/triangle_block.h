@@ -23,6 +23,13 @@ struct alignas(32) TriangleBlock {
         ids[lane] = id;
     }
 
+    /// A bit for each lane in use.
+    unsigned used() const {
+        const __m256i none = _mm256_cmpeq_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(ids)),
+                                                _mm256_set1_epi32(int(no_triangle)));
+        return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(none))) ^ ((1u << width) - 1);
+    }
+
     Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }
 
     Triangle triangle(unsigned lane) const {

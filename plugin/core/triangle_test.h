@@ -50,7 +50,7 @@ public:
         const Float8 w = x[1] * y[0] - y[1] * x[0];
         const Float8 zero = Float8::all(0);
         const Float8 outside = (min(min(u, v), w) < zero) & (max(max(u, v), w) > zero);
-        return ~outside.bits();
+        return ~outside.bits() & block.used();
     }
 
     std::optional<TriangleHit> intersect(const Triangle &triangle) const {
@@ -121,7 +121,7 @@ public:
         for (unsigned vertex = 0; vertex < 3; ++vertex)
             corners[vertex] = {block.load(vertex, 0), block.load(vertex, 1), block.load(vertex, 2)};
         const auto [hit, inside] = test<Float8>(all(m_origin), all(m_direction), corners[0], corners[1], corners[2]);
-        return inside.bits();
+        return inside.bits() & block.used();
     }
 
     std::optional<TriangleHit> intersect(const Triangle &triangle) const {

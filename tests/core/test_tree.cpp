@@ -26,6 +26,10 @@ std::vector<Settings> all_settings() {
     for (const char *tree : {"kd", "rbsp", "normals"})
         for (const char *cost : {"thesis", "ize"})
             all.push_back(make_settings(tree, {{"cost", cost}}));
+    for (std::size_t i = 0, count = all.size(); i < count; ++i) {
+        all.push_back(all[i]);
+        all.back().layout = LayoutKind::wide;
+    }
     return all;
 }
 

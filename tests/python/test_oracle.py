@@ -30,6 +30,7 @@ SPECS = [
     for axes in (AXES if "axes" in _core.settings(tree, {}) else ("",))
     if not axes or is_valid(tree, {"axes": axes})
 ]
+SPECS += [(tree, {"layout": "wide"}) for tree in ("kd", "normals", "ize")]
 SPECS += [("rbsp", {"directions": "spiral", "k": "8"}), ("normals", {"cost": "thesis"}), ("kd", {"cost": "thesis"})]
 SPEC_IDS = [":".join([tree, *options.values()]) for tree, options in SPECS]
 
