@@ -100,9 +100,8 @@ def test_a_sample_is_always_the_same_and_in_order(tmp_path: Path) -> None:
     for stream, twin in zip(first, again, strict=True):
         assert (len(stream), stream.total) == (500, len(whole[stream.kind]))
         assert stream.sha256() == twin.sha256() != whole[stream.kind].sha256()
-        place = {row.tobytes(): index for index, row in enumerate(whole[stream.kind].directions)}
-        places = [place[row.tobytes()] for row in stream.directions]
-        assert sorted(places) == places
+        rows = iter(row.tobytes() for row in whole[stream.kind].directions)
+        assert all(row.tobytes() in rows for row in stream.directions)  # a part of the whole, in its order
 
 
 def test_all_accelerators_answer_the_recorded_rays_alike(tmp_path: Path) -> None:
