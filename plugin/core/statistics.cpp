@@ -60,17 +60,11 @@ private:
         else
             m_out << "null";
     }
-    void write(const std::vector<std::size_t> &values) {
+    template <typename T> void write(const std::vector<T> &values) {
         m_out << "[";
-        for (std::size_t i = 0; i < values.size(); ++i)
-            m_out << (i > 0 ? ", " : "") << values[i];
-        m_out << "]";
-    }
-    void write(const std::vector<LevelCounts> &levels) {
-        m_out << "[";
-        for (std::size_t i = 0; i < levels.size(); ++i) {
+        for (std::size_t i = 0; i < values.size(); ++i) {
             m_out << (i > 0 ? ", " : "");
-            write(levels[i]);
+            write(values[i]);
         }
         m_out << "]";
     }
