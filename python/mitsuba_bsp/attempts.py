@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field
 from .comparison import Failure, Listener, SceneInfo
 from .jobs import Job, JobError, JobResult, run_job
 from .records import ResultsFolder, append
-from .spec import Spec
 
 
 @dataclass
@@ -19,13 +18,16 @@ class Attempts:
     failures: list[Failure] = field(default_factory=list)
     _said: set[str] = field(default_factory=set)
 
-    def run(self, scene: SceneInfo, spec: Spec, job: Job, label: str) -> JobResult | None:
-        """Run one job, pass on its warnings, each once; None if it failed, which is written down."""
+    def run(self, scene: SceneInfo, what: str, job: Job, label: str) -> JobResult | None:
+        """Run one job, pass on its warnings, each once; None if it failed, which is written down.
+
+        `what` is the spec, or what else of the scene the job is about; `label` is how the progress bar calls the job.
+        """
         self.listener.begin(label)
         try:
-            result = run_job(job, lambda stage: self.listener.begin(f"{label}: {stage}"))
+            result = run_job(job, lambda stage: self.listener.begin(f"{label} {_short(stage)}"))
         except JobError as error:
-            failure = Failure(scene.name, spec.text, str(error))
+            failure = Failure(scene.name, what, str(error))
             self.failures.append(failure)
             append(self.folder.failures_file, asdict(failure))
             self.listener.fail(failure)
@@ -33,10 +35,17 @@ class Attempts:
         finally:
             self.listener.finish()
         for text in result.warnings:
-            self._note(f"{scene.name}: {text}")
+            self.note(f"{scene.name}: {text}")
         return result
 
-    def _note(self, text: str) -> None:
+    def note(self, text: str) -> None:
+        """Tell the user something, once."""
         if text not in self._said:
             self._said.add(text)
             self.listener.note(text)
+
+
+def _short(stage: str) -> str:
+    """What a worker does, in a word, and how far it is if it says so: (building 42%)."""
+    words = stage.split()
+    return f"({words[0]} {words[-1]})" if stage.endswith("%") else f"({words[0]})"

@@ -54,7 +54,8 @@ def measure_builds(options: BuildOptions, listener: Listener) -> tuple[list[Scen
     ValueError for anything wrong with the input, raised before the first run.
     """
     folder = ResultsFolder(options.out)
-    scenes = preflight(options, folder, listener.note, images=False)
+    attempts = Attempts(folder, listener)
+    scenes = preflight(options, folder, attempts.note, images=False)
     for scene in scenes:
         if not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to build a tree over")
@@ -63,12 +64,12 @@ def measure_builds(options: BuildOptions, listener: Listener) -> tuple[list[Scen
     done = {(row["scene"], row["size"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
     listener.start(scenes, len(turns), len(turns) - len(todo))
-    attempts, warm = Attempts(folder, listener), set()
+    warm: set[str] = set()
     for turn in todo:
         if turn.scene.name not in warm:
             warm.add(turn.scene.name)
             _warm_up(options, turn, listener)
-        result = attempts.run(turn.scene, turn.spec, _job(options, turn), turn.label)
+        result = attempts.run(turn.scene, turn.spec.text, _job(options, turn), turn.label)
         if result:
             append(folder.records_file, {**_origin(options, turn), **result.values})
     return scenes, attempts.failures

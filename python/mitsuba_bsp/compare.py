@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+from .attempts import Attempts
 from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
 from .differences import Differences
-from .jobs import Job, JobError, JobResult, Kind, run_job
+from .jobs import Job, JobResult, Kind
 from .machine import describe
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
@@ -25,36 +26,18 @@ from .tree_statistics import per_ray
 SHUFFLE_SEED = 20_240_607
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Run:
     """One comparison on its way."""
 
     options: Options
     listener: Listener
     folder: ResultsFolder
-    failures: list[Failure]
-    said: set[str]
-
-    def note(self, text: str) -> None:
-        """Tell the user something, once."""
-        if text not in self.said:
-            self.said.add(text)
-            self.listener.note(text)
+    attempts: Attempts
 
     def attempt(self, scene: SceneInfo, spec: Spec, kind: Kind, label: str) -> JobResult | None:
         """Run one job; a failure is recorded and the comparison goes on."""
-        self.listener.begin(label)
-        try:
-            result = run_job(self.job(scene, spec, kind), lambda stage: self.listener.begin(f"{label} {_short(stage)}"))
-        except JobError as error:
-            failure = Failure(scene.name, spec.text, str(error))
-            self.failures.append(failure)
-            append(self.folder.failures_file, asdict(failure))
-            self.listener.fail(failure)
-            return None
-        finally:
-            self.listener.finish()
-        return result
+        return self.attempts.run(scene, spec.text, self.job(scene, spec, kind), label)
 
     def job(self, scene: SceneInfo, spec: Spec, kind: Kind) -> Job:
         header = {
@@ -81,12 +64,6 @@ class _Run:
         )
 
 
-def _short(stage: str) -> str:
-    """What a worker does, in a word, and how far it is if it says so: (building 42%)."""
-    words = stage.split()
-    return f"({words[0]} {words[-1]})" if stage.endswith("%") else f"({words[0]})"
-
-
 def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
     """Run the comparison; returns its scenes and the jobs that failed.
 
@@ -94,8 +71,8 @@ def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list
     times, also if KeyboardInterrupt ends the run; another run with the same folder goes on from there.
     """
     folder = ResultsFolder(options.out)
-    run = _Run(options, listener, folder, [], set())
-    scenes = preflight(options, folder, run.note)
+    run = _Run(options, listener, folder, Attempts(folder, listener))
+    scenes = preflight(options, folder, run.attempts.note)
     folder.prepare()
     todo_count, todo_time = _to_count(run, scenes), _to_time(run, scenes)
     total = len(scenes) * len(options.specs) * (options.repeats + 1)
@@ -105,7 +82,7 @@ def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list
     differences = Differences(folder, options.specs)
     for scene, spec, repeat in todo_time:
         _time(run, scene, spec, repeat, differences)
-    return scenes, run.failures
+    return scenes, run.attempts.failures
 
 
 def _to_count(run: _Run, scenes: Sequence[SceneInfo]) -> list[tuple[SceneInfo, Spec]]:
@@ -131,8 +108,6 @@ def _count(run: _Run, scene: SceneInfo, spec: Spec) -> None:
     result = run.attempt(scene, spec, "count", f"{scene.name}: {spec.text}, counters and image")
     if result is None:
         return
-    for warning in result.warnings:
-        run.note(f"{scene.name}: {warning}")
     image = run.folder.image(scene.name, spec.text).relative_to(run.folder.path)
     row = {
         **context(run.options, scene),

@@ -93,8 +93,9 @@ def _time(job: Job, contenders: Sequence[Contender], streams: Sequence[Stream], 
     runs = []
     generator = random.Random(SHUFFLE_SEED)
     for repeat in range(job.repeats):
-        for contender in generator.sample(contenders, len(contenders)):
-            stage(f"{contender.spec.text}, timed run {repeat + 1} of {job.repeats}")
+        for place, contender in enumerate(generator.sample(contenders, len(contenders))):
+            done = (repeat + place / len(contenders)) / job.repeats
+            stage(f"timing {contender.spec.text}, {done:.0%}")
             for stream in streams:
                 contender.tree.time(*stream.arrays, stream.any_hit)
                 cpu_s, wall_s, misses = contender.tree.time(*stream.arrays, stream.any_hit)

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from .attempts import Attempts
 from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
-from .jobs import Job, JobError, JobResult, run_job
+from .jobs import Job, JobResult
 from .machine import available_threads
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
@@ -31,12 +32,14 @@ class RayOptions(Options):
     max_rays: int = 500_000
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Run:
+    """One measurement on its way."""
+
     options: RayOptions
     listener: Listener
     folder: ResultsFolder
-    failures: list[Failure]
+    attempts: Attempts
 
     def job(self, scene: SceneInfo, **more: Any) -> Job:
         return Job(
@@ -52,17 +55,7 @@ class _Run:
 
     def attempt(self, scene: SceneInfo, job: Job) -> JobResult | None:
         """Run a job; a failure is recorded and the next scene has its turn."""
-        self.listener.begin(f"{scene.name}: {job.kind}")
-        try:
-            return run_job(job, lambda stage: self.listener.begin(f"{scene.name}: {stage}"))
-        except JobError as error:
-            failure = Failure(scene.name, job.kind, str(error))
-            self.failures.append(failure)
-            append(self.folder.failures_file, {"scene": scene.name, "spec": job.kind, "message": str(error)})
-            self.listener.fail(failure)
-            return None
-        finally:
-            self.listener.finish()
+        return self.attempts.run(scene, job.kind, job, f"{scene.name}: {job.kind}")
 
 
 def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
@@ -71,12 +64,12 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
     ValueError for anything wrong with the input, raised before the first job.
     """
     folder = ResultsFolder(options.out)
-    scenes = preflight(options, folder, listener.note, images=False)
+    run = _Run(options, listener, folder, Attempts(folder, listener))
+    scenes = preflight(options, folder, run.attempts.note, images=False)
     for scene in scenes:
         if not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to trace rays in")
     folder.prepare("streams")
-    run = _Run(options, listener, folder, [])
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
     for scene in todo:
@@ -84,7 +77,7 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
             _replay(run, scene)
         else:
             listener.finish()
-    return scenes, run.failures
+    return scenes, run.attempts.failures
 
 
 def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) -> list[Record]:
@@ -119,8 +112,6 @@ def _replay(run: _Run, scene: SceneInfo) -> None:
     result = run.attempt(scene, job)
     if result is None:
         return
-    for warning in result.warnings:
-        run.listener.note(f"{scene.name}: {warning}")
     append(
         run.folder.records_file, *(_row(run, scene, started, result.values, timed) for timed in result.values["runs"])
     )

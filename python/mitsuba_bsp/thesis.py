@@ -69,7 +69,8 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
     ValueError for anything wrong with the input, raised before the first frame.
     """
     folder = ResultsFolder(options.out)
-    scenes = preflight(options, folder, listener.note, images=False)
+    attempts = Attempts(folder, listener)
+    scenes = preflight(options, folder, attempts.note, images=False)
     for scene in scenes:
         if not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to count")
@@ -78,7 +79,6 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
     frames = [(scene, spec) for scene in scenes for spec in options.specs]
     todo = [(scene, spec) for scene, spec in frames if (scene.name, spec.text) not in done]
     listener.start(scenes, len(frames), len(frames) - len(todo))
-    attempts = Attempts(folder, listener)
     for scene, spec in todo:
         job = Job(
             kind="count",
@@ -91,7 +91,7 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
             seed=SEED,
             threads=options.threads,
         )
-        result = attempts.run(scene, spec, job, f"{scene.name}: {spec.text}")
+        result = attempts.run(scene, spec.text, job, f"{scene.name}: {spec.text}")
         if result:
             row = {**context(options, scene), "spec": spec.text, "spec_full": spec.full, **result.values}
             append(folder.records_file, row)

@@ -17,7 +17,7 @@ import pytest
 from conftest import error_line, scene_xml
 
 import mitsuba_bsp
-from mitsuba_bsp import cli, compare
+from mitsuba_bsp import attempts, cli
 from mitsuba_bsp.exr import read_exr, read_header
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
 
@@ -154,7 +154,7 @@ class TestCompare:
                 raise JobError("the worker was killed")
             return run_job(job)
 
-        monkeypatch.setattr(compare, "run_job", run)
+        monkeypatch.setattr(attempts, "run_job", run)
         words = ["--specs", "embree", "kd", "--spp", "1", "--resolution", "8", "--out", str(room.with_name("out"))]
         with pytest.raises(SystemExit) as caught:
             cli.main(["compare", str(room), *words])

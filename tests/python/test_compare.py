@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_bsp import compare as compare_module
-from mitsuba_bsp import parse_spec, preflight
+from mitsuba_bsp import attempts, parse_spec, preflight
 from mitsuba_bsp.compare import compare
 from mitsuba_bsp.comparison import Failure, Options, SceneInfo
 from mitsuba_bsp.exr import write_exr
@@ -84,7 +83,7 @@ class Listener:
 @pytest.fixture
 def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
     found = Workers()
-    monkeypatch.setattr(compare_module, "run_job", found.run)
+    monkeypatch.setattr(attempts, "run_job", found.run)
     monkeypatch.setattr(preflight, "run_job", found.run)
     return found
 
@@ -293,7 +292,7 @@ def test_an_image_that_does_not_repeat_is_pointed_out(workers: Workers, options:
         )
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compare_module, "run_job", unstable)
+        patch.setattr(attempts, "run_job", unstable)
         scenes, _ = compare(options, Listener())
     images = {row[0]: row[1] for row in make_tables(scenes, options.specs, ResultsFolder(options.out), [])[0].images}
     assert "NOT REPEATABLE" in images["kd"]
