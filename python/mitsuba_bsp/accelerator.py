@@ -89,15 +89,17 @@ class Accelerator:
         return self._tree.planes().reshape(-1, 4)
 
 
-def survey_planes(
-    vertices: ArrayLike, faces: ArrayLike, spec: str
-) -> dict[str, list[tuple[int, int]] | tuple[int, int]]:
+def survey_planes(vertices: ArrayLike, faces: ArrayLike, spec: str) -> tuple[list[tuple[int, int]], tuple[int, int]]:
     """The planes that the exact sweeps of a build look at: (considered, different) per level, root first; and in all.
 
-    `vertices`, `faces` and errors are as for `Accelerator`. Estimates by bins are no planes: with `exact_below` as
-    large as the mesh every direction is swept in every node, as in the papers. Figure 2.1 of Hoobergs's draft.
+    `vertices`, `faces` and errors are as for `Accelerator`; ValueError also for `brute`. Estimates by bins are no
+    planes: with `exact_below` as large as the mesh every direction is swept in every node, as in the papers. Figure 2.1
+    of Hoobergs's draft.
     """
     checked = parse_spec(spec)
+    swept = [tree for tree in _core.trees() if tree != "brute"]
+    if checked.name not in swept:
+        raise ValueError(f'spec "{spec}": "{checked.name}" sweeps no planes here (valid here: {choices(swept)})')
     corners = _floats("vertices", vertices, (None, 3))
     *levels, whole = _core.survey_planes(corners, _faces(faces, len(corners)), checked.name, dict(checked.options))
     return levels, whole

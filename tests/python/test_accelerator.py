@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_bsp import NO_TRIANGLE, Accelerator
+from mitsuba_bsp import NO_TRIANGLE, Accelerator, survey_planes
+from mitsuba_bsp.verification.meshes import sphere
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1]], np.float32)
 FACES = np.array([[0, 1, 2], [3, 4, 5]], np.int32)
@@ -72,7 +73,7 @@ def test_split_planes() -> None:
     assert Accelerator(CORNERS, FACES, "brute").planes().shape == (0, 4)
 
 
-@pytest.mark.parametrize(
+WRONG_TRIANGLES = pytest.mark.parametrize(
     ("vertices", "faces", "kind", "sentence"),
     [
         (CORNERS[:, :2], FACES, ValueError, r"vertices must have the shape \(n, 3\), but has \(6, 2\)"),
@@ -84,9 +85,18 @@ def test_split_planes() -> None:
         (CORNERS, [[0, 1, 2], [0, -1, 2]], IndexError, "face 1 refers to vertex -1, but there are 6 vertices"),
     ],
 )
+
+
+@WRONG_TRIANGLES
 def test_wrong_triangles(vertices: object, faces: object, kind: type[Exception], sentence: str) -> None:
     with pytest.raises(kind, match=sentence):
         Accelerator(vertices, faces)
+
+
+@WRONG_TRIANGLES
+def test_wrong_triangles_of_a_survey(vertices: object, faces: object, kind: type[Exception], sentence: str) -> None:
+    with pytest.raises(kind, match=sentence):
+        survey_planes(vertices, faces, "kd")
 
 
 @pytest.mark.parametrize(
@@ -110,3 +120,49 @@ def test_wrong_rays(
 def test_mitsubas_accelerators_need_a_scene(spec: str) -> None:
     with pytest.raises(ValueError, match=f'"{spec}" exists only inside Mitsuba .*kd'):
         Accelerator(CORNERS, FACES, spec)
+
+
+@pytest.mark.parametrize(
+    ("spec", "planes"),
+    [
+        ("kd", (6, 6)),  # x, y and z, each at 0 and at 1
+        ("random:axes=none,k=4", (16, 16)),  # along four directions, both ends of both triangles
+        ("ize", (14, 7)),  # those of kd; each triangle's own and three along its edges, where only x + y = 1 is new
+    ],
+)
+def test_the_planes_of_a_single_split(spec: str, planes: tuple[int, int]) -> None:
+    separator = "," if ":" in spec else ":"
+    assert survey_planes(CORNERS, FACES, f"{spec}{separator}intersection_cost=100") == ([planes], planes)
+
+
+def test_where_nothing_is_split_there_are_no_planes() -> None:
+    assert survey_planes(CORNERS, FACES, "kd:leaf_size=2") == ([], (0, 0))
+    assert survey_planes(CORNERS[:0], FACES[:0], "kd") == ([], (0, 0))
+
+
+@pytest.mark.parametrize("tree", ["kd", "random", "normals", "clustered", "rbsp", "ize"])
+def test_the_planes_of_a_whole_tree(tree: str) -> None:
+    mesh = sphere("ball", 12)
+    spec = f"{tree}:exact_below={len(mesh.faces)}"
+    levels, (considered, different) = survey_planes(mesh.vertices, mesh.faces, spec)
+    priced = [level["planes"] for level in Accelerator(mesh.vertices, mesh.faces, spec).statistics()["levels"]]
+    assert len(levels) == sum(count > 0 for count in priced) > 5
+    assert all(0 < fresh <= total <= most for (total, fresh), most in zip(levels, priced, strict=False))
+    assert considered == sum(total for total, _ in levels)
+    assert max(fresh for _, fresh in levels) <= different <= sum(fresh for _, fresh in levels)
+    # Planes along fixed directions, and those of triangles, come back in node after node; others mostly do not.
+    assert different > considered / 2 if tree in ("random", "normals", "clustered") else different < considered / 8
+
+
+def test_a_survey_without_large_exact_sweeps_sees_fewer_planes() -> None:
+    mesh = sphere("ball", 12)
+    whole = [survey_planes(mesh.vertices, mesh.faces, f"kd:exact_below={n}")[0][0][0] for n in (1, 100_000)]
+    assert 0 < whole[0] < whole[1]
+
+
+@pytest.mark.parametrize("spec", ["brute", "embree", "embree:robust=true", "native"])
+def test_a_survey_needs_a_tree_of_ours(spec: str) -> None:
+    sentence = f'^spec "{spec}": "{spec.partition(":")[0]}" sweeps no planes here \\(valid here: kd, [a-z, ]+\\)$'
+    with pytest.raises(ValueError, match=sentence) as caught:
+        survey_planes(CORNERS, FACES, spec)
+    assert "brute" not in str(caught.value).partition("valid here")[2]
