@@ -1,4 +1,4 @@
-"""Embree, which hands rays to our shape, loses none of them on the way: the shape's box is padded."""
+"""Embree hands rays to our shape: from near by it loses none on the way, the box being padded, and few from afar."""
 
 from __future__ import annotations
 
@@ -116,3 +116,33 @@ def test_rays_from_far_away(sizes: float) -> None:
     t, _, _ = answers(scene, rays)
     assert np.isfinite(expected["t"]).sum() > 5000
     assert (t.view(np.uint32) != expected["t"].view(np.uint32)).sum() == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "percent"),
+    [
+        ("cube", 1e4, 0),
+        ("cube", 1e5, 0.6),
+        ("cube", 1e6, 2.6),
+        ("cube", 1e7, 5.4),
+        ("sphere", 1e4, 0),
+        ("sphere", 1e5, 0),
+        ("sphere", 1e6, 0),
+        ("sphere", 1e7, 0.8),
+    ],
+)
+@pytest.mark.parametrize("robust", [False, True])
+def test_how_many_rays_are_lost_from_very_far_away(kind: str, sizes: float, percent: float, robust: bool) -> None:
+    """The README's figures: of the rays that should hit, so many never reach the tree, which itself loses none."""
+    mesh = make_mesh(kind, "0")
+    rays = aimed_rays(mesh, 20_000, np.random.default_rng(8), sizes)
+    brute, tree = (mitsuba_bsp.Accelerator(mesh.vertices, mesh.faces, spec).closest(*rays) for spec in ("brute", "kd"))
+    assert all(np.array_equal(brute[key], tree[key]) for key in brute)
+    t, _, any_hit = answers(scene_with(mesh, "kd", robust, lamps=False), rays)
+    hit = np.isfinite(brute["t"])
+    lost = hit & ~np.isfinite(t)
+    assert hit.sum() > 9000
+    assert (t.view(np.uint32) != brute["t"].view(np.uint32)).tolist() == lost.tolist()
+    assert (hit & ~any_hit).tolist() == lost.tolist() and not (any_hit & ~hit).any()
+    found = 100 * lost.sum() / hit.sum()
+    assert found == 0 if percent == 0 else abs(found - percent) < 0.2 * percent, f"{found:.2f} %"
