@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from .comparison import Listener, Options
-from .loading import VARIANTS
 from .machine import describe
-from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, out, parameter, say
+from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, add_loading_options, out, say
 from .text_table import TextTable, print_text_tables, text_markdown
 
 
@@ -18,16 +17,7 @@ def add_scene_options(sub: argparse.ArgumentParser, default: str = "the built-in
     """What every measurement of scenes can be told."""
     sub.add_argument("scenes", nargs="*", type=Path, metavar="SCENE.xml", help=f"default: {default}")
     sub.add_argument("--out", type=Path, metavar="DIR", help="results folder; if it has results, go on from there")
-    sub.add_argument("--variant", choices=VARIANTS, default=VARIANTS[0], help="default: %(default)s")
-    sub.add_argument(
-        "-D",
-        dest="params",
-        action="append",
-        type=parameter,
-        default=[],
-        metavar="KEY=VALUE",
-        help="set a parameter of the scene",
-    )
+    add_loading_options(sub)
 
 
 def run_with_bar(options: Options, measure: Callable[[Any, Listener], object]) -> tuple[ProgressBar, int]:

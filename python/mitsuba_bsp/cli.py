@@ -14,7 +14,7 @@ from . import bench_build_cli, bench_rays_cli, bench_thesis_cli, calibrate_cli, 
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
 from .jobs import Job, JobError, run_job
-from .loading import VARIANTS, notes
+from .loading import notes
 from .machine import available_threads, describe
 from .messages import one_sentence
 from .records import ResultsFolder
@@ -26,10 +26,10 @@ from .terminal import (
     JOB_FAILED,
     OK,
     ProgressBar,
+    add_loading_options,
     chosen_scenes,
     err,
     out,
-    parameter,
     positive,
     say,
 )
@@ -87,21 +87,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_render_options(sub: argparse.ArgumentParser) -> None:
+    add_loading_options(sub)
     sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
     sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
-    sub.add_argument("--variant", choices=VARIANTS, default=VARIANTS[0], help="default: %(default)s")
     sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
     sub.add_argument(
         "--cache", type=Path, metavar="DIR", help="keep built trees there and load them; default: build every time"
-    )
-    sub.add_argument(
-        "-D",
-        dest="params",
-        action="append",
-        type=parameter,
-        default=[],
-        metavar="KEY=VALUE",
-        help="set a parameter of the scene",
     )
 
 

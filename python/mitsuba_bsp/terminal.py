@@ -1,4 +1,4 @@
-"""What every subcommand shows and reads alike: consoles, the progress bar, exit statuses, types of arguments."""
+"""What every subcommand shows and reads alike: consoles, the progress bar, exit statuses, arguments."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from . import scenes_dir
 from .comparison import Failure, SceneInfo
+from .loading import VARIANTS
 
 OK, JOB_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -39,6 +40,20 @@ def parameter(text: str) -> tuple[str, str]:
     if not (key and equals):
         raise argparse.ArgumentTypeError(f'"{text}" is not of the form key=value')
     return key, value
+
+
+def add_loading_options(sub: argparse.ArgumentParser) -> None:
+    """How scenes are loaded, whatever is done with them."""
+    sub.add_argument("--variant", choices=VARIANTS, default=VARIANTS[0], help="default: %(default)s")
+    sub.add_argument(
+        "-D",
+        dest="params",
+        action="append",
+        type=parameter,
+        default=[],
+        metavar="KEY=VALUE",
+        help="set a parameter of the scene",
+    )
 
 
 def chosen_scenes(named: Sequence[Path]) -> tuple[Path, ...]:
