@@ -99,7 +99,7 @@ Box packed_box(const TriangleSet &set) {
 float packed_tolerance(const Tree &tree) { return round_up(tree.plane_tolerance); }
 
 void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
-                std::vector<TriangleBlock> &blocks) {
+                LargePageVector<TriangleBlock> &blocks) {
     for (std::size_t i = 0; i < count; i += TriangleBlock::width) {
         TriangleBlock block{};
         for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "accelerator.h"
+#include "large_pages.h"
 #include "tree.h"
 #include "triangle_block.h"
 
@@ -80,16 +81,13 @@ enum class Splits {
 
 struct BinaryLayout {
     Box box;
-    std::vector<NodeWord> words;
-    std::vector<TriangleBlock> blocks;
+    LargePageVector<NodeWord> words;
+    LargePageVector<TriangleBlock> blocks;
     Splits splits = Splits::axes;
     std::vector<Direction> families; ///< of `Splits::families`
     float plane_tolerance = 0; ///< triangles may lie beyond oblique planes by this, as a position along the normal
 
-    std::vector<MemoryPart> memory() const {
-        return {{words.data(), words.size() * sizeof(NodeWord)},
-                {blocks.data(), blocks.size() * sizeof(TriangleBlock)}};
-    }
+    std::vector<MemoryPart> memory() const { return {memory_of(words), memory_of(blocks)}; }
 };
 
 /// The split planes, in the order of the nodes.
@@ -100,7 +98,7 @@ Box packed_box(const TriangleSet &set);
 float packed_tolerance(const Tree &tree);
 /// Appends a leaf's triangles as blocks.
 void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
-                std::vector<TriangleBlock> &blocks);
+                LargePageVector<TriangleBlock> &blocks);
 
 /// Throws std::length_error if the tree does not fit 26-bit indices.
 BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set);

@@ -23,21 +23,23 @@ struct alignas(32) TriangleBlock {
         ids[lane] = id;
     }
 
-    /// A bit for each lane in use.
-    unsigned used() const {
-        const __m256i none = _mm256_cmpeq_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(ids)),
-                                                _mm256_set1_epi32(int(no_triangle)));
-        return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(none))) ^ ((1u << width) - 1);
+    /// A bit for each lane with this id.
+    unsigned lanes_of(std::uint32_t id) const {
+        const __m256i same =
+            _mm256_cmpeq_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(ids)), _mm256_set1_epi32(int(id)));
+        return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(same)));
     }
+    /// A bit for each lane in use.
+    unsigned used() const { return lanes_of(no_triangle) ^ ((1u << width) - 1); }
 
     Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }
 
-    Triangle triangle(unsigned lane) const {
-        const auto corner = [&](unsigned vertex) {
-            return Vec3f{vertices[vertex][0][lane], vertices[vertex][1][lane], vertices[vertex][2][lane]};
-        };
-        return {corner(0), corner(1), corner(2)};
-    }
+    /// One of its triangles, by coordinates.
+    struct Lane {
+        const TriangleBlock &block;
+        unsigned lane;
+        float operator()(unsigned corner, unsigned axis) const { return block.vertices[corner][axis][lane]; }
+    };
 };
 
 } // namespace bsp

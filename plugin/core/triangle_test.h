@@ -2,10 +2,12 @@
 /// brute force and every tree call the same `intersect`, so their answers have the same bits.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
 
+#include "direction.h"
 #include "ray.h"
 #include "triangle_block.h"
 
@@ -25,45 +27,52 @@ struct TriangleHit {
 class WoopTest {
 public:
     explicit WoopTest(const Ray &ray) : m_origin(ray.o) {
-        for (unsigned axis = 1; axis < 3; ++axis)
-            if (std::abs(ray.d[axis]) > std::abs(ray.d[m_z]))
-                m_z = axis;
-        m_x = next(m_z);
-        m_y = next(m_x);
+        const Vec3f size{std::abs(ray.d.x), std::abs(ray.d.y), std::abs(ray.d.z)};
+        m_z = unsigned(size.y > size.x); // no branches: they could not be predicted
+        m_z += (2 - m_z) & -unsigned(size.z > std::max(size.x, size.y));
+        m_x = next_axis[m_z];
+        m_y = after_axis[m_z];
         m_shear_x = ray.d[m_x] / ray.d[m_z];
         m_shear_y = ray.d[m_y] / ray.d[m_z];
         m_inverse_z = 1.0 / double(ray.d[m_z]);
+        m_sign_z = std::copysign(0.0f, ray.d[m_z]);
+        m_reach_z = std::abs(ray.d[m_z]) * 1.0001f;
     }
 
     /// A set bit for every triangle that `intersect` might accept, and some others.
-    unsigned candidates(const TriangleBlock &block) const {
+    unsigned candidates(const TriangleBlock &block, float limit) const {
         const Float8 ox = Float8::all(m_origin[m_x]), oy = Float8::all(m_origin[m_y]), oz = Float8::all(m_origin[m_z]);
         const Float8 sx = Float8::all(m_shear_x), sy = Float8::all(m_shear_y);
-        Float8 x[3], y[3];
+        Float8 x[3], y[3], z[3];
         for (unsigned i = 0; i < 3; ++i) {
-            const Float8 z = block.load(i, m_z) - oz;
-            x[i] = fnmadd(sx, z, block.load(i, m_x) - ox);
-            y[i] = fnmadd(sy, z, block.load(i, m_y) - oy);
+            const Float8 depth = block.load(i, m_z) - oz;
+            x[i] = fnmadd(sx, depth, block.load(i, m_x) - ox);
+            y[i] = fnmadd(sy, depth, block.load(i, m_y) - oy);
+            z[i] = {_mm256_xor_ps(depth.v, _mm256_set1_ps(m_sign_z))};
         }
+        const Float8 beyond = min(min(z[0], z[1]), z[2]) > Float8::all(limit * m_reach_z),
+                     behind = max(max(z[0], z[1]), z[2]) < Float8::all(0);
         const Float8 u = x[2] * y[1] - y[2] * x[1];
         const Float8 v = x[0] * y[2] - y[0] * x[2];
         const Float8 w = x[1] * y[0] - y[1] * x[0];
         const Float8 zero = Float8::all(0);
         const Float8 outside = (min(min(u, v), w) < zero) & (max(max(u, v), w) > zero);
-        return ~outside.bits() & block.used();
+        return ~(outside | beyond | behind).bits() & block.used();
     }
 
-    std::optional<TriangleHit> intersect(const Triangle &triangle) const {
-        const Sheared a = shear(triangle.a), b = shear(triangle.b), c = shear(triangle.c);
+    template <typename Corners> std::optional<TriangleHit> intersect(const Corners &corners) const {
+        const Sheared a = shear(corners, 0), b = shear(corners, 1), c = shear(corners, 2);
         const double u = c.x * b.y - c.y * b.x, v = a.x * c.y - a.y * c.x, w = b.x * a.y - b.y * a.x;
         if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0))
             return std::nullopt;
         const double determinant = u + v + w;
         if (!(determinant != 0)) // seen from its edge, or not a number
             return std::nullopt;
+        const double t = (u * a.z + v * b.z + w * c.z) * m_inverse_z; // times the determinant
+        if (t * determinant < 0)
+            return std::nullopt;
         const double inverse = 1 / determinant;
-        const double t = (u * a.z + v * b.z + w * c.z) * inverse * m_inverse_z;
-        return TriangleHit{float(t), float(v * inverse), float(w * inverse)};
+        return TriangleHit{float(t * inverse), float(v * inverse), float(w * inverse)};
     }
 
 private:
@@ -71,17 +80,17 @@ private:
         double x, y, z; ///< floats, kept as doubles for their products
     };
 
-    static unsigned next(unsigned axis) { return axis == 2 ? 0 : axis + 1; }
-
-    Sheared shear(const Vec3f &p) const {
-        const float z = p[m_z] - m_origin[m_z];
-        return {fnmadd(m_shear_x, z, p[m_x] - m_origin[m_x]), fnmadd(m_shear_y, z, p[m_y] - m_origin[m_y]), z};
+    template <typename Corners> Sheared shear(const Corners &corners, unsigned i) const {
+        const float z = corners(i, m_z) - m_origin[m_z];
+        return {fnmadd(m_shear_x, z, corners(i, m_x) - m_origin[m_x]),
+                fnmadd(m_shear_y, z, corners(i, m_y) - m_origin[m_y]), z};
     }
 
     Vec3f m_origin;
     unsigned m_x = 0, m_y = 0, m_z = 0;
     float m_shear_x, m_shear_y;
     double m_inverse_z;
+    float m_sign_z, m_reach_z;
 };
 
 /// The test of Mitsuba's `Mesh` (Moeller, Trumbore 1997), operation by operation, fused where Mitsuba's is.
@@ -116,16 +125,17 @@ class MtTest {
 public:
     explicit MtTest(const Ray &ray) : m_origin(ray.o), m_direction(ray.d) {}
 
-    unsigned candidates(const TriangleBlock &block) const {
+    unsigned candidates(const TriangleBlock &block, float limit) const {
         Vec3<Float8> corners[3];
         for (unsigned vertex = 0; vertex < 3; ++vertex)
             corners[vertex] = {block.load(vertex, 0), block.load(vertex, 1), block.load(vertex, 2)};
         const auto [hit, inside] = test<Float8>(all(m_origin), all(m_direction), corners[0], corners[1], corners[2]);
-        return inside.bits() & block.used();
+        return (inside & (hit.z >= Float8::all(0)) & (hit.z <= Float8::all(limit))).bits() & block.used();
     }
 
-    std::optional<TriangleHit> intersect(const Triangle &triangle) const {
-        const auto [hit, inside] = test<float>(m_origin, m_direction, triangle.a, triangle.b, triangle.c);
+    template <typename Corners> std::optional<TriangleHit> intersect(const Corners &corners) const {
+        const auto corner = [&](unsigned i) { return Vec3f{corners(i, 0), corners(i, 1), corners(i, 2)}; };
+        const auto [hit, inside] = test<float>(m_origin, m_direction, corner(0), corner(1), corner(2));
         return inside ? std::optional(TriangleHit{hit.z, hit.x, hit.y}) : std::nullopt;
     }
 

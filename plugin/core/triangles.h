@@ -10,6 +10,8 @@ namespace bsp {
 
 struct Triangle {
     Vec3f a, b, c;
+
+    float operator()(unsigned corner, unsigned axis) const { return (&a)[corner][axis]; }
 };
 
 /// An axis-aligned box in double precision; empty when `lower > upper`.

@@ -15,37 +15,50 @@ public:
     WidePacker(const Tree &tree, const TriangleSet &set, WideLayout &layout)
         : m_tree(tree), m_set(set), m_layout(layout) {}
 
-    /// The node for the subtree of `root`, a leaf included; returns its index.
-    std::uint32_t add_node(std::size_t root) {
-        const std::uint32_t index = new_node();
-        fill(index, 0, 0, 4, root);
-        return index;
+    /// The node for the subtree of `root`, a leaf included.
+    WideChild add_node(std::size_t root) {
+        const bool is_oblique = has_oblique(root, levels);
+        const std::size_t line = new_node(is_oblique);
+        fill(line, is_oblique, 0, 0, WideNode::cells / 2, root);
+        return WideChild::node(std::uint32_t(line), is_oblique);
     }
 
 private:
+    static constexpr int levels = 3;
+
+    bool has_oblique(std::size_t from, int depth) const {
+        const TreeNode &node = m_tree.nodes[from];
+        if (depth == 0 || node.kind == TreeNode::Kind::leaf)
+            return false;
+        return node.kind == TreeNode::Kind::oblique || has_oblique(from + 1, depth - 1) ||
+               has_oblique(node.above, depth - 1);
+    }
+
     /// Puts the subtree of `from` where plane `plane` of a node is, and its cells from `cell` on; `reach` is the bit
     /// that this level decides, 0 below the last.
-    void fill(std::uint32_t index, unsigned plane, unsigned cell, unsigned reach, std::size_t from) {
+    void fill(std::size_t line, bool is_oblique, unsigned plane, unsigned cell, unsigned reach, std::size_t from) {
         const TreeNode &node = m_tree.nodes[from];
         if (reach == 0 || node.kind == TreeNode::Kind::leaf) {
             const WideChild child = child_of(from); // may move the nodes
-            m_layout.nodes[index].children[cell] = child;
+            WideNode &wide = m_layout.lines[line].node;
+            wide.children[cell] = child.with_axis(wide.axis(cell));
             return;
         }
-        WideNode &wide = m_layout.nodes[index];
-        const Vec3d normal = node.direction.normal();
-        for (unsigned axis = 0; axis < 3; ++axis)
-            wide.normals[axis][plane] = float(normal[axis]);
+        WideNode &wide = m_layout.lines[line].node;
         wide.offsets[plane] = node.offset;
-        m_layout.has_oblique |= !node.direction.is_axis();
-        fill(index, 2 * plane + 1, cell, reach / 2, from + 1);
-        fill(index, 2 * plane + 2, cell + reach, reach / 2, node.above);
+        wide.children[plane] = WideChild::in(wide.children[plane]).with_axis(node.direction.major);
+        if (is_oblique) {
+            m_layout.lines[line + 1].slopes.a[plane] = node.direction.a;
+            m_layout.lines[line + 1].slopes.b[plane] = node.direction.b;
+        }
+        fill(line, is_oblique, 2 * plane + 1, cell, reach / 2, from + 1);
+        fill(line, is_oblique, 2 * plane + 2, cell + reach, reach / 2, node.above);
     }
 
     WideChild child_of(std::size_t from) {
         const TreeNode &node = m_tree.nodes[from];
         if (node.kind != TreeNode::Kind::leaf)
-            return WideChild::node(add_node(from));
+            return add_node(from);
         if (node.count == 0)
             return WideChild{};
         const std::size_t first = m_layout.blocks.size();
@@ -55,28 +68,38 @@ private:
 
     /// A leaf, or a node without planes whose cells share its blocks if there are too many for one.
     WideChild leaf_child(std::size_t first, std::size_t count) {
-        if (first + count > WideChild::max_first)
-            throw std::length_error("the tree is too large for its node format: " + std::to_string(first + count) +
-                                    " blocks are above 2^26; raise leaf_size or lower max_references");
-        if (count <= WideChild::max_blocks)
+        if (count <= WideChild::max_blocks) {
+            check_index(first);
             return WideChild::leaf(std::uint32_t(first), std::uint32_t(count));
-        const std::uint32_t index = new_node();
-        std::fill_n(m_layout.nodes[index].offsets, WideNode::planes, std::numeric_limits<float>::quiet_NaN());
+        }
+        const std::size_t line = new_node(false);
+        std::fill_n(m_layout.lines[line].node.offsets, WideNode::planes, std::numeric_limits<float>::quiet_NaN());
         for (std::size_t cell = 0; cell < WideNode::cells; ++cell) {
             const std::size_t begin = count * cell / WideNode::cells, end = count * (cell + 1) / WideNode::cells;
             if (begin == end)
                 continue;
             const WideChild child = leaf_child(first + begin, end - begin);
-            m_layout.nodes[index].children[cell] = child;
+            m_layout.lines[line].node.children[cell] = child.with_axis(0);
         }
-        return WideChild::node(index);
+        return WideChild::node(std::uint32_t(line), false);
     }
 
-    std::uint32_t new_node() {
-        WideNode node{};
-        std::fill(std::begin(node.offsets), std::end(node.offsets), std::numeric_limits<float>::infinity());
-        m_layout.nodes.push_back(node);
-        return std::uint32_t(m_layout.nodes.size() - 1);
+    /// The line of a node without planes and children, and with the line of its slopes if there are to be some.
+    std::size_t new_node(bool is_oblique) {
+        const std::size_t line = m_layout.lines.size();
+        check_index(line + 1);
+        WideLine node{};
+        std::fill(std::begin(node.node.offsets), std::end(node.node.offsets), std::numeric_limits<float>::infinity());
+        m_layout.lines.push_back(node);
+        if (is_oblique)
+            m_layout.lines.push_back({});
+        return line;
+    }
+
+    static void check_index(std::size_t index) {
+        if (index > WideChild::max_index)
+            throw std::length_error("the tree is too large for its node format: " + std::to_string(index) +
+                                    " nodes or blocks are above 2^26; raise leaf_size or lower max_references");
     }
 
     const Tree &m_tree;
@@ -88,24 +111,37 @@ private:
 
 WideLayout pack_wide(const Tree &tree, const TriangleSet &set) {
     WideLayout layout;
-    layout.box = packed_box(set);
+    const Box box = packed_box(set);
+    layout.box = {{box.lower.x, box.lower.y, box.lower.z, 0}, {box.upper.x, box.upper.y, box.upper.z, 0}};
     layout.plane_tolerance = packed_tolerance(tree);
     std::size_t blocks = 0;
     for (const TreeNode &node : tree.nodes)
         blocks += (node.count + TriangleBlock::width - 1) / TriangleBlock::width;
     layout.blocks.reserve(blocks);
-    layout.nodes.reserve(tree.nodes.size() / 8 + 1);
-    WidePacker(tree, set, layout).add_node(0);
+    layout.root = WidePacker(tree, set, layout).add_node(0);
     return layout;
 }
 
 std::vector<Plane> planes_of(const WideLayout &layout) {
     std::vector<Plane> planes;
-    for (const WideNode &node : layout.nodes)
-        for (unsigned plane = 0; plane < WideNode::planes; ++plane)
-            if (std::isfinite(node.offsets[plane]))
-                planes.push_back(
-                    {{node.normals[0][plane], node.normals[1][plane], node.normals[2][plane]}, node.offsets[plane]});
+    const auto visit = [&](const auto &self, WideChild node) -> void {
+        const WideLine *const line = layout.lines.data() + node.index();
+        for (unsigned plane = 0; plane < WideNode::planes; ++plane) {
+            if (!std::isfinite(line->node.offsets[plane]))
+                continue;
+            Direction direction{std::uint8_t(line->node.axis(plane)), 0, 0};
+            if (node.is_oblique()) {
+                direction.a = line[1].slopes.a[plane];
+                direction.b = line[1].slopes.b[plane];
+            }
+            const Vec3d n = direction.normal();
+            planes.push_back({{float(n.x), float(n.y), float(n.z)}, line->node.offsets[plane]});
+        }
+        for (unsigned cell = 0; cell < WideNode::cells; ++cell)
+            if (const WideChild child = WideChild::in(line->node.children[cell]); !child.is_empty() && !child.is_leaf())
+                self(self, child);
+    };
+    visit(visit, layout.root);
     return planes;
 }
 

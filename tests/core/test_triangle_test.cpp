@@ -29,25 +29,42 @@ TYPED_TEST(TriangleTests, CandidatesHoldEveryHit) {
     int hits = 0;
     for (int i = 0; i < 20000; ++i) {
         TriangleBlock block;
-        for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)
-            block.set(lane, {random_point(random), random_point(random), random_point(random)}, lane);
+        Triangle triangles[TriangleBlock::width];
+        for (unsigned lane = 0; lane < TriangleBlock::width; ++lane) {
+            triangles[lane] = {random_point(random), random_point(random), random_point(random)};
+            block.set(lane, triangles[lane], lane);
+        }
         const Vec3f o = random_point(random, 3);
-        Ray ray{o, block.triangle(0).a - o}; // a quarter aimed at a vertex, at an edge, along an axis, anywhere
+        Ray ray{o, triangles[0].a - o}; // a quarter aimed at a vertex, at an edge, along an axis, anywhere
         if (i % 4 == 1)
-            ray.d = (block.triangle(1).a + block.triangle(1).b) * 0.5f - o;
+            ray.d = (triangles[1].a + triangles[1].b) * 0.5f - o;
         if (i % 4 == 2)
             ray.d = {0, i % 8 == 2 ? -0.0f : 0.0f, 1};
         if (i % 4 == 3)
             ray.d = random_point(random);
         const TypeParam test(ray);
-        const unsigned candidates = test.candidates(block);
         for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)
-            if (test.intersect(block.triangle(lane))) {
+            if (const auto hit = test.intersect(triangles[lane]); hit && hit->t >= 0) {
                 ++hits;
-                EXPECT_TRUE(candidates >> lane & 1);
+                EXPECT_TRUE(test.candidates(block, hit->t) >> lane & 1) << "a limit that it just meets";
+                EXPECT_TRUE(test.candidates(block, HUGE_VALF) >> lane & 1);
+                const auto same = test.intersect(TriangleBlock::Lane{block, lane});
+                ASSERT_TRUE(same);
+                EXPECT_EQ(same->t, hit->t);
             }
     }
     EXPECT_GT(hits, 5000);
+}
+
+TYPED_TEST(TriangleTests, CandidatesLieWithinTheLimit) {
+    TriangleBlock block;
+    for (unsigned lane = 0; lane < TriangleBlock::width; ++lane) { // one behind the other, the last lane not used
+        const float z = float(lane);
+        block.set(lane, {{0, 0, z}, {1, 0, z}, {0, 1, z}}, lane < 7 ? lane : no_triangle);
+    }
+    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, -1}, {0, 0, 1}}).candidates(block, HUGE_VALF), 0b01111111u);
+    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, 1.5f}, {0, 0, 1}}).candidates(block, 3), 0b00011100u);
+    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, 4.5f}, {0, 0, -2}}).candidates(block, 1.5f), 0b00011100u);
 }
 
 /// Edge functions of neighbours are exact negatives: a ray at their common edge hits at least one of them. (A
@@ -65,7 +82,7 @@ TEST(WoopTest, NoRayPassesBetweenNeighbours) {
             return Vec3f{float(p.x), float(p.y), float(p.z)};
         };
         const WoopTest test(Ray{o, target - o});
-        EXPECT_TRUE(test.intersect({a, b, moved(0.5)}) || test.intersect({b, a, moved(-0.5)}));
+        EXPECT_TRUE(test.intersect(Triangle{a, b, moved(0.5)}) || test.intersect(Triangle{b, a, moved(-0.5)}));
     }
 }
 
