@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
 namespace bsp {
@@ -178,6 +179,9 @@ Key flag_key(std::string name, std::string meaning, For trees, std::function<boo
     return key;
 }
 
+/// The keys whose values decide the defaults of others.
+constexpr const char *preset_key = "cost", *layout_key = "layout";
+
 std::vector<Key> direction_keys() {
     return {
         integer_key<int>("k", "directions swept at a node, the axes included", For::swept, 1, 32,
@@ -201,20 +205,19 @@ std::vector<Key> direction_keys() {
         word_key<TriangleTest>(
             "triangle_test", "woop: watertight (Woop, Benthin, Wald 2013); mt: the arithmetic of Mitsuba's own meshes",
             For::all, test_words, [](Settings &s) -> TriangleTest & { return s.triangle_test; }),
-        word_key<LayoutKind>("layout", "nodes of one plane (binary) or of seven planes tested at once (wide)",
+        word_key<LayoutKind>(layout_key,
+                             "nodes of seven planes tested at once (wide) or of one, as in the papers (binary)",
                              For::built, layout_words, [](Settings &s) -> LayoutKind & { return s.layout; }),
     };
 }
-
-/// The key whose value decides the defaults of the others.
-constexpr const char *preset_key = "cost";
 
 std::vector<Key> cost_keys() {
     constexpr double huge = 1e9;
     return {
         word_key<CostPreset>(preset_key,
-                             "defaults of all prices and rules below: measured on this project's traversal; thesis: "
-                             "the published code; ize: the thesis's prices with the rule of Ize, Wald, Parker",
+                             "defaults of all prices and rules below: measured on this project's traversal of the "
+                             "layout; thesis: the published code; ize: the thesis's prices with the rule of Ize, Wald, "
+                             "Parker; both with binary nodes",
                              For::built, preset_words, [](Settings &s) -> CostPreset & { return s.preset; }),
         number_key("intersection_cost", "price of one triangle test", For::built, 1e-9, huge, "a number above 0",
                    [](Settings &s) -> double & { return s.cost.intersection_cost; }),
@@ -298,10 +301,16 @@ Settings defaults_of(TreeKind tree) {
     return settings;
 }
 
-void apply_preset(CostPreset preset, Settings &s) {
+/// Sets what `preset` and, if one is asked for, `layout` decide.
+void apply_preset(CostPreset preset, std::optional<LayoutKind> layout, Settings &s) {
     s.preset = preset;
-    if (preset == CostPreset::measured)
+    if (!layout && preset != CostPreset::measured)
+        s.layout = LayoutKind::binary;
+    if (preset == CostPreset::measured) {
+        if (s.layout == LayoutKind::binary)
+            s.cost = {0.15, 1.0, 1.1, ObliquePrice::surcharge, 0.1, true, 0.9};
         return;
+    }
     s.cost = {80, 1, 5, ObliquePrice::linear, 0.1, preset == CostPreset::ize, 1.0};
     if (preset == CostPreset::ize)
         return;
@@ -348,11 +357,14 @@ Settings make_settings(const std::string &tree, const Options &options) {
         }
         (*found)->set(settings, text);
     };
-    for (const auto &[name, text] : options)
-        if (name == preset_key) { // first, wherever it stands: the others change what it sets
+    std::optional<LayoutKind> layout;
+    for (const auto &[name, text] : options) // these first, wherever they stand: the others change what they set
+        if (name == preset_key || name == layout_key) {
             set(name, text);
-            apply_preset(settings.preset, settings);
+            if (name == layout_key)
+                layout = settings.layout;
         }
+    apply_preset(settings.preset, layout, settings);
     for (const auto &[name, text] : options)
         set(name, text);
     check_together(settings);

@@ -29,7 +29,7 @@ enum class Weighting {
 };
 /// Where the defaults of prices and stop rules come from; each may be set on its own as well.
 enum class CostPreset {
-    measured, ///< on this project's own traversal
+    measured, ///< on this project's own traversal of the layout
     thesis,   ///< the published code of Hoobergs 2019: no clipping, no retry, no retraction, exact sweeps
     ize,      ///< the thesis's constants with the rule of Ize, Wald, Parker 2008: linear price, then a constant one
 };
@@ -40,13 +40,14 @@ enum class ObliquePrice {
     surcharge, ///< oblique_cost + alpha * intersection_cost * (n - 1)
 };
 
-/// Prices of the surface area heuristic (MacDonald, Booth 1990). Only their ratios matter.
+/// Prices of the surface area heuristic (MacDonald, Booth 1990). Only their ratios matter. The defaults are those of
+/// wide nodes.
 struct CostModel {
-    double intersection_cost = 0.15; ///< one triangle test
-    double axis_cost = 1.0;          ///< one step through an axis-aligned node
-    double oblique_cost = 1.1;       ///< one step through an oblique node
+    double intersection_cost = 0.12; ///< one triangle test
+    double axis_cost = 1.0;          ///< one axis-aligned plane on a ray's way
+    double oblique_cost = 1.0;       ///< one oblique plane
     ObliquePrice oblique_price = ObliquePrice::surcharge;
-    double alpha = 0.1;       ///< how the price of oblique splits grows with the node
+    double alpha = 0.03;      ///< how the price of oblique splits grows with the node
     bool retry = true;        ///< where nothing beats the leaf, oblique splits are tried again at `oblique_cost`
     double empty_bonus = 0.9; ///< factor on the children's cost when one of them is empty
 };
@@ -59,7 +60,7 @@ struct Settings {
     DirectionSet directions = DirectionSet::kdop;
     Weighting weighting = Weighting::triangle;
     TriangleTest triangle_test = TriangleTest::woop;
-    LayoutKind layout = LayoutKind::binary;
+    LayoutKind layout = LayoutKind::wide;
     CostPreset preset = CostPreset::measured;
     CostModel cost;
     int leaf_size = 1;           ///< nodes with this many triangles or fewer are not split

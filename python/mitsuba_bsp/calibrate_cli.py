@@ -6,7 +6,7 @@ import argparse
 
 from .bench_cli import run_with_bar, show
 from .bench_rays_cli import add_ray_options, ray_options
-from .calibration import LEGEND, SPECS, calibration_tables, fit, measurements
+from .calibration import LEGEND, PLANES_PER_STEP, SPECS, calibration_tables, fit, in_layout, measurements
 from .records import ResultsFolder
 from .replays import newest_replay, replay_scenes
 from .terminal import INTERRUPTED, chosen_scenes
@@ -21,16 +21,22 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     """Add the command."""
     sub = commands.add_parser("calibrate", help="measure what a step and a triangle test cost, the prices of trees")
     add_ray_options(sub, repeats=MIN_REPEATS, max_rays=MAX_RAYS)
+    sub.add_argument(
+        "--layout",
+        choices=list(PLANES_PER_STEP),
+        default=next(iter(PLANES_PER_STEP)),
+        help="of the nodes, default: %(default)s",
+    )
     sub.set_defaults(run=_calibrate)
 
 
 def _calibrate(args: argparse.Namespace) -> int:
     """`mitsuba-bsp calibrate`."""
     scenes = tuple(dict.fromkeys((*chosen_scenes(()), *chosen_scenes(args.scenes))))
-    options = ray_options(args, scenes, "calibrate", MIN_REPEATS, SPECS)
+    options = ray_options(args, scenes, "calibrate", MIN_REPEATS, in_layout(SPECS, args.layout))
     bar, status = run_with_bar(options, replay_scenes)
     folder = ResultsFolder(options.out)
     rows = [row for scene in bar.scenes for row in newest_replay(folder, options, scene)]
     if rows and status != INTERRUPTED:
-        show(options, "Prices", LEGEND, calibration_tables(fit(measurements(rows))), bar)
+        show(options, "Prices", LEGEND, calibration_tables(fit(measurements(rows), PLANES_PER_STEP[args.layout])), bar)
     return status

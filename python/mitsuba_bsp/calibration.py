@@ -19,6 +19,9 @@ from .intervals import CONFIDENCE, Interval
 from .records import Record
 from .text_table import TextTable
 
+#: Planes on a ray's way through a node of each layout, the unit of prices: a wide node has three levels.
+PLANES_PER_STEP = {"wide": 3, "binary": 1}
+
 #: Trees that trade the three kinds of work for one another.
 SPECS = (
     "kd",
@@ -43,8 +46,8 @@ PRICES = {"axis_steps": "axis_cost", "oblique_steps": "oblique_cost", "triangle_
 
 LEGEND = (
     "Nanoseconds of processor time, fitted by non-negative least squares to the relative errors of every tree and "
-    "stream of rays, with 95 % intervals from resampling the trees. The settings are the same prices, an axis step "
-    "being 1. c0 is what a ray of a stream takes besides."
+    "stream of rays, with 95 % intervals from resampling the trees. The settings are the same prices, an axis-aligned "
+    "plane being 1; a step through a wide node passes three. c0 is what a ray of a stream takes besides."
 )
 
 _RESAMPLES, _SEED = 500, 0
@@ -91,7 +94,12 @@ def measurements(records: Sequence[Record]) -> Measurements:
     )
 
 
-def fit(data: Measurements) -> Fit:
+def in_layout(specs: Sequence[str], layout: str) -> tuple[str, ...]:
+    """The specs with nodes of this layout."""
+    return tuple(f"{spec}{',' if ':' in spec else ':'}layout={layout}" for spec in specs)
+
+
+def fit(data: Measurements, planes_per_step: int) -> Fit:
     """The prices, with intervals from resampling the trees (each with all its streams).
 
     ValueError if the trees leave one of the prices open.
@@ -110,7 +118,9 @@ def fit(data: Measurements) -> Fit:
     )[:, : len(PRICES)]
     residuals = data.ns - _design(data) @ best
     with np.errstate(divide="ignore", invalid="ignore"):
-        relative, relative_resampled = best[: len(PRICES)] / best[0], resampled / resampled[:, :1]
+        per_plane = np.array([1, 1, planes_per_step])
+        relative = per_plane * best[: len(PRICES)] / best[0]
+        relative_resampled = per_plane * resampled / resampled[:, :1]
     return Fit(
         dict(zip(PRICES, map(_interval, best, resampled.T), strict=False)),
         dict(zip(PRICES.values(), map(_interval, relative, relative_resampled.T), strict=True)),

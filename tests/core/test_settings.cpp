@@ -37,6 +37,17 @@ TEST(Settings, DefaultsAndOptions) {
     EXPECT_EQ(make_settings("kd", {}).k, 3);
 }
 
+TEST(Settings, LayoutAndPresetDecideDefaults) {
+    EXPECT_EQ(make_settings("normals", {}).layout, LayoutKind::wide);
+    const CostModel wide = make_settings("normals", {{"layout", "wide"}}).cost;
+    const CostModel binary = make_settings("normals", {{"alpha", "0.2"}, {"layout", "binary"}}).cost;
+    EXPECT_LT(wide.oblique_cost, binary.oblique_cost);
+    EXPECT_EQ(binary.alpha, 0.2) << "what is set stays set";
+    EXPECT_EQ(make_settings("kd", {{"cost", "thesis"}}).layout, LayoutKind::binary);
+    EXPECT_EQ(make_settings("kd", {{"layout", "wide"}, {"cost", "thesis"}}).layout, LayoutKind::wide);
+    EXPECT_EQ(make_settings("kd", {{"layout", "wide"}, {"cost", "thesis"}}).cost.intersection_cost, 80);
+}
+
 TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
     EXPECT_EQ(message_of("bvh", {}),
               "there is no tree 'bvh': the trees are kd, rbsp, ize, random, normals, clustered, brute");

@@ -108,7 +108,7 @@ protected:
     const fs::path folder = fs::path(testing::TempDir()) /
                             (std::string("trees-") + testing::UnitTest::GetInstance()->current_test_info()->name());
     const Settings settings = make_settings("normals", {});
-    const TriangleSet set = random_soup(40, 1);
+    const TriangleSet set = random_soup(200, 1);
     const Tree tree = build_tree(set, settings);
     const TreeFile file{folder, set, settings};
     std::string bytes;
@@ -194,7 +194,7 @@ TEST_F(TreeFiles, ForgedFilesCannotLeadOutOfTheTree) {
         expect("without a direction", [&](auto &b) { put(b, node_at(0, 4), slope); });
     for (const float offset : {HUGE_VALF, -HUGE_VALF, std::nanf("")})
         expect("not finite", [&](auto &b) { put(b, node_at(0, 12), offset); });
-    for (const std::uint32_t id : {40u, 0xffffffffu})
+    for (const std::uint32_t id : {std::uint32_t(set.triangles.size()), 0xffffffffu})
         expect("not a valid one", [&](auto &b) { put(b, end_of_nodes, id); });
 }
 

@@ -65,7 +65,7 @@ def test_hashes_tell_trees_and_scenes_apart() -> None:
     specs = [
         "brute",
         "kd",
-        "kd:leaf_size=32",
+        "kd:intersection_cost=1",
         "random:axes=none",
         "random:axes=none,seed=1",
         "native",

@@ -30,7 +30,7 @@ SPECS = [
     for axes in (AXES if "axes" in _core.settings(tree, {}) else ("",))
     if not axes or is_valid(tree, {"axes": axes})
 ]
-SPECS += [(tree, {"layout": "wide"}) for tree in ("kd", "normals", "ize")]
+SPECS += [(tree, {"layout": "binary"}) for tree in _core.trees() if tree != "brute"]
 SPECS += [("rbsp", {"directions": "spiral", "k": "8"}), ("normals", {"cost": "thesis"}), ("kd", {"cost": "thesis"})]
 SPEC_IDS = [":".join([tree, *options.values()]) for tree, options in SPECS]
 
@@ -64,17 +64,10 @@ def test_other_settings_equal_brute_force(oracles: list[Oracle], options: dict[s
     assert [str(differences) for differences in found if differences.total] == []
 
 
-#: What is no mistake in one layout, so that it cannot be seen there. A wide node takes the order of its cells and the
-#: points where the ray meets its planes from one and the same speed: if the sign of a zero is ignored, both ignore it,
-#: and the ray is only turned by less than its bound. Binary nodes take the order along axes from the direction itself.
-HARMLESS = {("wide", "signed_zero")}
-
-
 @pytest.mark.parametrize("layout", ["binary", "wide"])
 @pytest.mark.parametrize("fault", _core.faults())
 def test_planted_faults_are_seen(oracles: list[Oracle], fault: str, layout: str) -> None:
-    seen = sum(oracle.compare("normals", {"layout": layout}, fault).total for oracle in oracles)
-    assert (seen == 0) == ((layout, fault) in HARMLESS), f"{seen} differences"
+    assert sum(oracle.compare("normals", {"layout": layout}, fault).total for oracle in oracles) > 0
 
 
 def test_there_are_enough_faults() -> None:
