@@ -60,12 +60,16 @@ class Stream:
         return digest.hexdigest()
 
 
-def read_recording(path: Path, expected: int) -> NDArray[np.void]:
-    """The rays that a `bsptree` wrote; OSError unless there are as many as it counted."""
-    rays = np.fromfile(path, RECORDED)
-    if len(rays) != expected:
-        raise OSError(f"of {expected:,} rays only {len(rays):,} could be written to {path}: the disk may be full")
-    return rays
+def check_recording(path: Path, expected: int) -> None:
+    """OSError unless a `bsptree` could write as many rays to its file as it counted."""
+    written = path.stat().st_size // RECORDED.itemsize
+    if written != expected:
+        raise OSError(f"of {expected:,} rays only {written:,} could be written to {path}: the disk may be full")
+
+
+def read_recording(path: Path) -> NDArray[np.void]:
+    """The rays that a `bsptree` wrote."""
+    return np.fromfile(path, RECORDED)
 
 
 def split(rays: NDArray[np.void], sensor: mi.Sensor, max_rays: int) -> list[Stream]:
