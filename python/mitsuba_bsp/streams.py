@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 KINDS = ("camera", "shadow", "bounce")
 
-#: A ray as the plugin `bsptree` writes it.
-RECORDED = np.dtype([("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4")])
+#: A ray and its answer as the plugin `bsptree` writes them.
+RECORDED = np.dtype(
+    [("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4"), ("t", "<f4"), ("triangle", "<u4")]
+)
 
 #: The seed of the choice of rays where there are too many.
 SAMPLE_SEED = 0
