@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from . import bench_build_cli, bench_rays_cli, bench_thesis_cli, calibrate_cli, plugin_dir, specs
+from . import bench_build_cli, bench_rays_cli, bench_render_cli, bench_thesis_cli, calibrate_cli, plugin_dir, specs
 from .bench_cli import add_spec_option
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
@@ -73,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = commands.add_parser("bench", help="measure one part of rendering at a time")
     kinds = bench.add_subparsers(title="what is measured", required=True, metavar="WHAT")
-    for kind in (bench_rays_cli, bench_build_cli, bench_thesis_cli):
+    for kind in (bench_rays_cli, bench_render_cli, bench_build_cli, bench_thesis_cli):
         kind.add_command(kinds)
     calibrate_cli.add_command(commands)
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from .build_jobs import build, grow
 from .exr import write_exr
+from .frame_jobs import time_frames
 from .jobs import Job
 from .loading import open_file, parsed_file
 from .messages import one_sentence
@@ -193,6 +194,7 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "blame": _blame,
     "record": record,
     "replay": replay,
+    "frames": time_frames,
     "build": build,
     "grow": grow,
 }
