@@ -1,7 +1,8 @@
 /// The shape `bsptree`: meshes under one of this project's trees.
 /// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `record` (a file that gets
-/// every ray, see ray_recorder.h; they are counted too), `cache` (a folder in which built trees are kept), `expand`
-/// (see bspmember.cpp).
+/// every ray and its answer, see ray_recorder.h; they are counted too), `replay` (such a file, whose answers are given
+/// again instead of building a tree, see recorded_answers.h), `cache` (a folder in which built trees are kept),
+/// `expand` (see bspmember.cpp).
 #include <mitsuba/core/progress.h>
 
 #include <chrono>
@@ -12,6 +13,7 @@
 #include "member.h"
 #include "ray_counters.h"
 #include "ray_recorder.h"
+#include "recorded_answers.h"
 #include "triangle_test.h"
 #include "variants.h"
 
@@ -25,7 +27,8 @@ public:
 
     explicit BSPTree(const Properties &props)
         : Base(props), m_settings(read_settings(props)), m_cache(read_folder(props, "cache")),
-          m_recorder(open_recorder(props)), m_count(read_flag(props, "count", false) || m_recorder) {
+          m_replay(read_path(props, "replay")), m_recorder(open_recorder(props)),
+          m_count(read_flag(props, "count", false) || m_recorder) {
         rebuild();
         m_cache.clear(); // edited geometry is seldom seen again: keeping its trees would only fill the folder
     }
@@ -33,10 +36,10 @@ public:
     Hit closest(const Ray3f &ray) const override {
         if (!m_count)
             return locate(m_tree->closest(to_ray(ray)));
-        if (m_recorder)
-            m_recorder->write(to_ray(ray), false);
         bsp::Counters counters;
         const bsp::Hit hit = m_tree->count_closest(to_ray(ray), counters);
+        if (m_recorder)
+            m_recorder->write_closest(to_ray(ray), hit);
         m_counters.closest += counters;
         return locate(hit);
     }
@@ -44,10 +47,10 @@ public:
     bool any(const Ray3f &ray) const override {
         if (!m_count)
             return m_tree->any(to_ray(ray));
-        if (m_recorder)
-            m_recorder->write(to_ray(ray), true);
         bsp::Counters counters;
         const bool found = m_tree->count_any(to_ray(ray), counters);
+        if (m_recorder)
+            m_recorder->write_any(to_ray(ray), found);
         m_counters.any += counters;
         return found;
     }
@@ -91,7 +94,10 @@ protected:
                 Throw("child %s: %s", child_name(i), e.what());
             }
         }
-        m_tree = build_tree(set);
+        if (m_replay.empty())
+            m_tree = build_tree(set);
+        else
+            m_tree = std::make_unique<RecordedAnswers>(m_replay, set.triangles.size());
         m_starts = std::move(starts);
 
         const bsp::Statistics &s = m_tree->statistics();
@@ -111,7 +117,7 @@ protected:
 private:
     static bsp::Settings read_settings(const Properties &props) {
         const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
-        std::vector<std::string> names{"tree", "count", "record", "cache", "expand"};
+        std::vector<std::string> names{"tree", "count", "record", "replay", "cache", "expand"};
         bsp::Options options;
         for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {
             names.push_back(setting.name);
@@ -138,8 +144,12 @@ private:
         return building.get();
     }
 
+    static std::string read_path(const Properties &props, const std::string &name) {
+        return props.has_property(name) ? read_text(props, name) : "";
+    }
+
     static std::unique_ptr<RayRecorder> open_recorder(const Properties &props) {
-        const std::string path = props.has_property("record") ? read_text(props, "record") : "";
+        const std::string path = read_path(props, "record");
         return path.empty() ? nullptr : std::make_unique<RayRecorder>(path);
     }
 
@@ -158,6 +168,7 @@ private:
 
     bsp::Settings m_settings;
     std::string m_cache;                     ///< folder of saved trees, empty for none
+    std::string m_replay;                    ///< file of recorded answers, empty for answers of a tree
     std::unique_ptr<RayRecorder> m_recorder; ///< of rays, if they are recorded
     bool m_count;
     std::vector<uint32_t> m_starts; ///< first triangle of each child

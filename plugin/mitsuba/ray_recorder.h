@@ -1,4 +1,5 @@
-/// Writes every ray that an accelerator is asked about to a file, so that the same rays can be traced again.
+/// Writes every ray that an accelerator is asked about, and what it answers, to a file, so that the same rays can be
+/// traced again, or answered again without tracing.
 #pragma once
 
 #include "../core/ray.h"
@@ -9,8 +10,18 @@
 
 namespace mitsuba {
 
-/// 32 bytes a ray, in the order of the queries: origin, direction, maxt as floats, and 1 (any hit) or 0 (closest) as a
-/// 32-bit integer.
+/// 40 bytes: origin, direction, maxt as floats, 1 (any hit) or 0 (closest) as a 32-bit integer; then t as a float and
+/// the triangle as a 32-bit integer, `no_triangle` for a miss. Any hit is triangle 0 at t = 0.
+struct RecordedRay {
+    bsp::Vec3f o, d;
+    float maxt;
+    std::uint32_t any_hit;
+    float t;
+    std::uint32_t triangle;
+};
+static_assert(sizeof(RecordedRay) == 40);
+
+/// A file of recorded rays, in the order of the answers.
 class RayRecorder {
 public:
     /// Throws std::runtime_error if the file cannot be opened. What it held is lost.
@@ -19,11 +30,12 @@ public:
             throw std::runtime_error("record: cannot write to the file \"" + path + "\"");
     }
 
-    /// Never throws: a full disk shows as a file that is too short.
-    void write(const bsp::Ray &ray, bool any_hit) {
-        const Entry entry{ray.o, ray.d, ray.maxt, any_hit};
-        const std::lock_guard<std::mutex> lock(m_mutex);
-        m_file.write(reinterpret_cast<const char *>(&entry), sizeof entry);
+    void write_closest(const bsp::Ray &ray, const bsp::Hit &hit) {
+        write({ray.o, ray.d, ray.maxt, false, hit.t, hit.triangle});
+    }
+
+    void write_any(const bsp::Ray &ray, bool found) {
+        write({ray.o, ray.d, ray.maxt, true, 0, found ? 0 : bsp::no_triangle});
     }
 
     void flush() {
@@ -32,12 +44,11 @@ public:
     }
 
 private:
-    struct Entry {
-        bsp::Vec3f o, d;
-        float maxt;
-        std::uint32_t any_hit;
-    };
-    static_assert(sizeof(Entry) == 32);
+    /// Never throws: a full disk shows as a file that is too short.
+    void write(const RecordedRay &entry) {
+        const std::lock_guard<std::mutex> lock(m_mutex);
+        m_file.write(reinterpret_cast<const char *>(&entry), sizeof entry);
+    }
 
     std::mutex m_mutex;
     std::ofstream m_file;

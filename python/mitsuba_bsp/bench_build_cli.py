@@ -12,10 +12,9 @@ from .build_table import GROWTH_LEGEND, LEGEND, NO_PEAK, growths, make_build_tab
 from .builds import BuildOptions, measure_builds
 from .growth import SIZES
 from .growth_plot import plot_growth
-from .machine import available_threads
 from .records import ResultsFolder
 from .spec import Spec, parse_spec
-from .terminal import ProgressBar, chosen_scenes, out, positive, say
+from .terminal import ProgressBar, add_threads_option, chosen_scenes, out, positive, say
 
 DEFAULT_SPECS = ("native", "kd", "normals", "clustered", "random", "rbsp", "ize")
 GROWTH_SPECS = ("kd", "normals")
@@ -39,7 +38,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         metavar="N",
         help=f"runs of each, {MIN_REPEATS} or more; with --growth {MIN_GROWTH_REPEATS} or more",
     )
-    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
+    add_threads_option(sub)
     sub.add_argument(
         "--growth", action="store_true", help="tessellate one scene to ever more triangles, fit the growth"
     )

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from .comparison import Listener, Options
 from .machine import describe
-from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, add_loading_options, out, say
+from .spec import parse_spec
+from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, add_loading_options, out, positive, say
 from .text_table import TextTable, print_text_tables, text_markdown
+
+#: The accelerators that are compared, and how often at least, where speed is the question.
+DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
+MIN_REPEATS = 7
 
 
 def add_scene_options(sub: argparse.ArgumentParser, default: str = "the built-in scenes") -> None:
@@ -18,6 +24,40 @@ def add_scene_options(sub: argparse.ArgumentParser, default: str = "the built-in
     sub.add_argument("scenes", nargs="*", type=Path, metavar="SCENE.xml", help=f"default: {default}")
     sub.add_argument("--out", type=Path, metavar="DIR", help="results folder; if it has results, go on from there")
     add_loading_options(sub)
+
+
+def add_spec_option(sub: argparse.ArgumentParser) -> None:
+    """The accelerators that are compared."""
+    sub.add_argument(
+        "--specs", nargs="+", default=DEFAULT_SPECS, metavar="SPEC", help=f"default: {' '.join(DEFAULT_SPECS)}"
+    )
+
+
+def add_frame_options(sub: argparse.ArgumentParser, repeats: int, spp: int, resolution: int) -> None:
+    """How large a frame is, and how often it is measured."""
+    sub.add_argument("--repeats", type=positive, default=repeats, metavar="N", help=f"timed runs, {repeats} or more")
+    sub.add_argument("--spp", type=positive, default=spp, metavar="N", help="samples per pixel, default: %(default)s")
+    sub.add_argument(
+        "--resolution", type=positive, default=resolution, metavar="N", help="longer side, default: %(default)s"
+    )
+
+
+def frame_options(
+    args: argparse.Namespace, scenes: tuple[Path, ...], command: str, least: int, specs: Sequence[str]
+) -> dict[str, Any]:
+    """The checked fields of Options, all but the threads; `command` is part of the default folder's name."""
+    if args.repeats < least:
+        raise ValueError(f"--repeats is {args.repeats}, but it must be at least {least}")
+    return {
+        "scenes": scenes,
+        "specs": tuple(parse_spec(text) for text in dict.fromkeys(specs)),
+        "out": args.out or Path("results", f"{command}-{datetime.now():%Y%m%d-%H%M%S}"),
+        "variant": args.variant,
+        "params": dict(args.params),
+        "spp": args.spp,
+        "resolution": args.resolution,
+        "repeats": args.repeats,
+    }
 
 
 def run_with_bar(options: Options, measure: Callable[[Any, Listener], object]) -> tuple[ProgressBar, int]:

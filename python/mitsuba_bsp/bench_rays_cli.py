@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
-from .bench_cli import add_scene_options, run_with_bar, show
+from .bench_cli import (
+    MIN_REPEATS,
+    add_frame_options,
+    add_scene_options,
+    add_spec_option,
+    frame_options,
+    run_with_bar,
+    show,
+)
 from .bench_rays_table import LEGEND, NO_MISSES, make_ray_tables
 from .records import ResultsFolder
 from .replays import RESOLUTION, SPP, RayOptions, replay_scenes
-from .spec import parse_spec
 from .terminal import chosen_scenes, positive, say
-
-DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
-
-MIN_REPEATS = 7
 
 
 def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the group `bench`."""
     sub = kinds.add_parser("rays", help="replay the rays of a rendered frame on one thread, straight into each tree")
-    sub.add_argument(
-        "--specs", nargs="+", default=DEFAULT_SPECS, metavar="SPEC", help=f"default: {' '.join(DEFAULT_SPECS)}"
-    )
+    add_spec_option(sub)
     add_ray_options(sub, repeats=MIN_REPEATS, max_rays=RayOptions.max_rays)
     sub.set_defaults(run=_bench_rays)
 
@@ -32,11 +32,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 def add_ray_options(sub: argparse.ArgumentParser, repeats: int, max_rays: int) -> None:
     """What every command that replays rays can be told."""
     add_scene_options(sub)
-    sub.add_argument("--repeats", type=positive, default=repeats, metavar="N", help=f"timed runs, {repeats} or more")
-    sub.add_argument("--spp", type=positive, default=SPP, metavar="N", help="samples per pixel, default: %(default)s")
-    sub.add_argument(
-        "--resolution", type=positive, default=RESOLUTION, metavar="N", help="longer side, default: %(default)s"
-    )
+    add_frame_options(sub, repeats, SPP, RESOLUTION)
     sub.add_argument(
         "--max-rays", type=positive, default=max_rays, metavar="N", help="of each kind, default: %(default)s"
     )
@@ -46,18 +42,9 @@ def ray_options(
     args: argparse.Namespace, scenes: tuple[Path, ...], command: str, least: int, specs: Sequence[str]
 ) -> RayOptions:
     """The checked options; `command` is part of the default folder's name."""
-    if args.repeats < least:
-        raise ValueError(f"--repeats is {args.repeats}, but it must be at least {least}")
     return RayOptions(
-        scenes=scenes,
-        specs=tuple(parse_spec(text) for text in dict.fromkeys(specs)),
-        out=args.out or Path("results", f"{command}-{datetime.now():%Y%m%d-%H%M%S}"),
-        variant=args.variant,
+        **frame_options(args, scenes, command, least, specs),
         threads=1,
-        params=dict(args.params),
-        spp=args.spp,
-        resolution=args.resolution,
-        repeats=args.repeats,
         max_rays=args.max_rays,
     )
 

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from statistics import geometric_mean, median
+from statistics import median
 
 from .comparison import SceneInfo
-from .intervals import median_interval
-from .records import Record, ResultsFolder
-from .replays import RayOptions, newest_replay, of
+from .records import Record, ResultsFolder, of
+from .replays import RayOptions, newest_replay
+from .speeds import BASELINES, NONE, mean_speed, ratios, speed, spread
 from .streams import KINDS
 from .text_table import TextTable
 
-NONE = "-"
-
-#: Whom every accelerator is measured against.
-BASELINES = ("native", "embree")
+_TIME = "ns_per_ray"
 
 _HEAD = (
     "spec",
@@ -66,26 +63,20 @@ def _stream_table(scene: SceneInfo, options: RayOptions, rows: Sequence[Record])
 
 
 def _cells(runs: Sequence[Record], rows: Sequence[Record]) -> tuple[str, ...]:
-    times = [run["ns_per_ray"] for run in runs]
+    times = [run[_TIME] for run in runs]
     counters, rays = runs[0]["counters"], runs[0]["rays"]
     steps = counters["axis_steps"] + counters["oblique_steps"] if counters else None
     misses = [run["cache_misses"] for run in runs]
     return (
         f"{median(times):.1f}",
-        f"{(max(times) - min(times)) / 2 / median(times):.1%}",
+        spread(times),
         f"{1e3 / median(times):.2f}",
         _per_ray(steps, rays, ".1f"),
         _per_ray(counters.get("triangle_tests"), rays, ".1f"),
         _per_ray(None if None in misses else median(misses), rays, ".2f"),
-        *(str(median_interval(found)) if (found := ratios(runs, rows, name)) else NONE for name in BASELINES),
+        *(speed(ratios(runs, rows, name, _TIME)) for name in BASELINES),
         str(sum(runs[0]["differences"].values())),
     )
-
-
-def ratios(runs: Sequence[Record], rows: Sequence[Record], baseline: str) -> list[float]:
-    """The baseline's time over this one's, repetition by repetition; empty without that baseline."""
-    times = {row["repeat"]: row["ns_per_ray"] for row in of(rows, spec=baseline)}
-    return [times[run["repeat"]] / run["ns_per_ray"] for run in runs] if times else []
 
 
 def _per_ray(total: float | None, rays: int, form: str) -> str:
@@ -97,9 +88,9 @@ def _means_table(options: RayOptions, replays: Sequence[Sequence[Record]]) -> Te
     columns = [(kind, baseline) for kind in KINDS for baseline in BASELINES]
 
     def mean(spec: str, kind: str, baseline: str) -> str:
-        found = [ratios(of(rows, spec=spec, stream=kind), of(rows, stream=kind), baseline) for rows in replays]
-        medians = [median(values) for values in found if values]
-        return f"{geometric_mean(medians):.2f}" if medians else NONE
+        return mean_speed(
+            [ratios(of(rows, spec=spec, stream=kind), of(rows, stream=kind), baseline, _TIME) for rows in replays]
+        )
 
     return TextTable(
         f"geometric means over {len(replays)} scenes",

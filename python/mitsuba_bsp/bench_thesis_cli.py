@@ -8,10 +8,9 @@ from pathlib import Path
 
 from .bench_cli import add_scene_options, run_with_bar, show
 from .comparison import Options
-from .machine import available_threads
 from .records import ResultsFolder
 from .spec import parse_spec
-from .terminal import chosen_scenes, positive
+from .terminal import add_threads_option, chosen_scenes, positive
 from .thesis import BASELINE, SPECS, count_frames
 from .thesis_table import LEGEND, make_thesis_tables
 
@@ -25,7 +24,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
     sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
-    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
+    add_threads_option(sub)
     sub.set_defaults(run=_bench_thesis)
 
 

@@ -12,9 +12,8 @@ from .comparison import SceneInfo
 from .growth import MIN_SIZES, PowerLaw, fit_growth
 from .intervals import median_interval
 from .records import Record, ResultsFolder
+from .speeds import NONE, spread
 from .text_table import TextTable
-
-NONE = "-"
 
 #: The accelerator that the others are measured against.
 BASELINE = "native"
@@ -159,7 +158,7 @@ def _verdicts(growth: Growth) -> tuple[str, ...]:
 
 def _times(runs: Sequence[Record]) -> tuple[str, str]:
     seconds = [run["build_s"] for run in runs]
-    return f"{median(seconds):.3f}", f"{(max(seconds) - min(seconds)) / 2 / median(seconds):.1%}"
+    return f"{median(seconds):.3f}", spread(seconds)
 
 
 def _sizes(runs: Sequence[Record]) -> tuple[str, ...]:

@@ -55,10 +55,7 @@ def measure_builds(options: BuildOptions, listener: Listener) -> tuple[list[Scen
     """
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False)
-    for scene in scenes:
-        if not scene.triangles:
-            raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to build a tree over")
+    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="build a tree over")
     turns = [turn for repeat in range(options.repeats) for turn in _round(options, scenes, repeat)]
     folder.prepare("")
     done = {(row["scene"], row["size"], row["spec"], row["repeat"]) for row in folder.records()}

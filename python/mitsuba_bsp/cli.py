@@ -10,12 +10,13 @@ from pathlib import Path
 
 from rich.table import Table
 
-from . import bench_build_cli, bench_rays_cli, bench_thesis_cli, calibrate_cli, plugin_dir, specs
+from . import bench_build_cli, bench_rays_cli, bench_render_cli, bench_thesis_cli, calibrate_cli, plugin_dir, specs
+from .bench_cli import add_spec_option
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
 from .jobs import Job, JobError, run_job
 from .loading import notes
-from .machine import available_threads, describe
+from .machine import describe
 from .messages import one_sentence
 from .records import ResultsFolder
 from .report_table import make_tables, markdown, print_tables
@@ -27,14 +28,13 @@ from .terminal import (
     OK,
     ProgressBar,
     add_loading_options,
+    add_threads_option,
     chosen_scenes,
     err,
     out,
     positive,
     say,
 )
-
-DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -57,9 +57,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = commands.add_parser("compare", help="render scenes under several accelerators and compare images and times")
     sub.add_argument("scenes", nargs="*", type=Path, metavar="SCENE.xml", help="default: the built-in scenes")
-    sub.add_argument(
-        "--specs", nargs="+", default=DEFAULT_SPECS, metavar="SPEC", help=f"default: {' '.join(DEFAULT_SPECS)}"
-    )
+    add_spec_option(sub)
     sub.add_argument("--repeats", type=positive, default=MIN_REPEATS, metavar="N", help="timed runs of each, 3 or more")
     sub.add_argument("--out", type=Path, metavar="DIR", help="results folder; if it has results, go on from there")
     _add_render_options(sub)
@@ -75,7 +73,7 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = commands.add_parser("bench", help="measure one part of rendering at a time")
     kinds = bench.add_subparsers(title="what is measured", required=True, metavar="WHAT")
-    for kind in (bench_rays_cli, bench_build_cli, bench_thesis_cli):
+    for kind in (bench_rays_cli, bench_render_cli, bench_build_cli, bench_thesis_cli):
         kind.add_command(kinds)
     calibrate_cli.add_command(commands)
 
@@ -90,7 +88,7 @@ def _add_render_options(sub: argparse.ArgumentParser) -> None:
     add_loading_options(sub)
     sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
     sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
-    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
+    add_threads_option(sub)
     sub.add_argument(
         "--cache", type=Path, metavar="DIR", help="keep built trees there and load them; default: build every time"
     )

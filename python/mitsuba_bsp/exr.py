@@ -11,14 +11,22 @@ import OpenEXR
 _COLOURS = {1: ("Y",), 2: ("Y", "A"), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
 
 
+def channels(pixels: np.ndarray, extra: Sequence[str]) -> dict[str, np.ndarray]:
+    """Every channel of `pixels` (height, width, channels) by name, each (height, width) float32.
+
+    The last channels are called `extra`.
+    """
+    colours = pixels.shape[2] - len(extra)
+    names = [*_COLOURS.get(colours, [f"C{index}" for index in range(colours)]), *extra]
+    return {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
+
+
 def write_exr(path: Path, pixels: np.ndarray, extra: Sequence[str], header: Mapping[str, str]) -> None:
     """Write `pixels` (height, width, channels) as float32; the last channels are called `extra`.
 
     `header` becomes string attributes of the file. The file appears whole or not at all.
     """
-    colours = pixels.shape[2] - len(extra)
-    names = [*_COLOURS.get(colours, [f"C{index}" for index in range(colours)]), *extra]
-    planes = {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
+    planes = channels(pixels, extra)
     attributes = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
     unfinished = path.with_name(f".{path.name}")
     with OpenEXR.File(attributes, planes) as file:

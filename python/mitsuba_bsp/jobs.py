@@ -15,7 +15,10 @@ from typing import Any, Literal
 
 from .messages import one_sentence
 
-Kind = Literal["inspect", "count", "time", "render", "blame", "record", "replay", "build", "grow"]
+Kind = Literal["inspect", "count", "time", "render", "blame", "record", "replay", "frames", "build", "grow"]
+
+#: How an accelerator that gives recorded answers is called beside the specs.
+FREE = "free"
 
 
 #: How often a worker is asked what it is doing.
@@ -33,6 +36,8 @@ class Job:
     `inspect` loads it and describes it; `count` renders it with ray counters and the box filter; `time` measures
     building and rendering; `render` makes an image as the scene says; `blame` reads its mesh files one by one.
     `record` renders it once and writes its rays to `streams`; `replay` times those rays under each of `specs`.
+    `frames` times rendering under each of `specs`, on one thread with recorded answers too, which are in the file
+    `streams` for a moment.
     `build` measures building alone; `grow` likewise, of a tree over its meshes tessellated to `triangles`.
     `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
     `cache` is the folder in which trees are kept, if any.

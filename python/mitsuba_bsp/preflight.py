@@ -14,12 +14,16 @@ from .spec import BRUTE_MAX_TRIANGLES, Spec
 
 
 def preflight(
-    options: Options, folder: ResultsFolder, note: Callable[[str], None], images: bool = True
+    options: Options,
+    folder: ResultsFolder,
+    note: Callable[[str], None],
+    images: bool = True,
+    meshes_to: str | None = None,
 ) -> list[SceneInfo]:
     """Load every scene in a child process and check it against the options and what the folder already holds.
 
-    `note` is told what the user should know, also about `images` if they matter. ValueError, in one sentence, for
-    anything wrong.
+    `note` is told what the user should know, also about `images` if they matter. `meshes_to` is what triangle meshes
+    are needed for, if they are. ValueError, in one sentence, for anything wrong.
     """
     named = list(_named(options.scenes))
     folder.check_writable()
@@ -29,6 +33,8 @@ def preflight(
         if images:
             _note_images(scene, note)
         _check_brute(options.specs, scene)
+        if meshes_to and not scene.triangles:
+            raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to {meshes_to}")
         earlier = [*folder.records(), *folder.counted().values()]
         check_context(earlier, scene.name, spec_full, context(options, scene))
     return scenes

@@ -9,55 +9,34 @@ from __future__ import annotations
 
 import random
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-import mitsuba as mi
 
 from .contenders import Contender, build, differences, triangles_of
 from .jobs import Job
 from .loading import open_file
-from .render_setup import fix_block_size, set_resolution
+from .rendering import Stage, record_frame
+from .rendering import load as load_scene
 from .spec import parse_spec
 from .streams import Stream, in_use, load, read_recording, save, split
-from .swap import GroupOptions
 from .tree_statistics import statistics
 
-#: The tree that the rays are recorded with: all of ours give the same answers, so it does not matter which.
-RECORDING_SPEC = "kd"
-
 SHUFFLE_SEED = 20_240_607
-
-Stage = Callable[[str], None]
 
 
 def record(job: Job, stage: Stage) -> dict[str, Any]:
     """Render one frame and write its rays, by kind, to the file `job.streams`."""
-
-    def edit(state: mi.parser.ParserState) -> None:
-        if job.resolution:
-            set_resolution(state, job.resolution)
-        fix_block_size(state)
-
-    stage(f"loading {job.scene}")
-    loaded = open_file(job.scene, params=job.params, edit=edit)
+    loaded = load_scene(job, stage)
     target = Path(job.streams)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         file = Path(folder, "rays")
-        scene = loaded.construct(loaded.regrouped(parse_spec(RECORDING_SPEC), GroupOptions(record=file)))
-        stage(f"rendering {job.scene}")
-        mi.render(scene, spp=job.spp or 0, seed=job.seed)
-        counters = statistics(scene).get("counters", {})
-        if not counters:
-            raise ValueError("the scene has no triangle mesh, so there is nothing to trace rays in")
-        rays = read_recording(file, sum(kind["rays"] for kind in counters.values()))
-    if not len(rays):
-        raise ValueError(f"rendering {job.scene} sent no ray to its triangle meshes, so there is nothing to measure")
+        scene, _ = record_frame(job, loaded, file, stage)
+        rays = read_recording(file)
     stage(f"sorting the rays of {job.scene}")
     streams = split(rays, scene.sensors()[0], job.max_rays)
     save(target, streams, job.header)
-    return {"counters": counters}
+    return {"counters": statistics(scene)["counters"]}
 
 
 def replay(job: Job, stage: Stage) -> dict[str, Any]:

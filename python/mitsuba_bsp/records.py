@@ -82,6 +82,26 @@ def append(file: Path, *records: Record) -> None:
         os.fsync(stream.fileno())
 
 
+def of(rows: Sequence[Record], **fields: object) -> list[Record]:
+    """The records with these values."""
+    return [row for row in rows if all(row[key] == value for key, value in fields.items())]
+
+
+def newest_run(rows: Sequence[Record], mark: str, names: Sequence[str], repeats: int) -> list[Record]:
+    """The records of the last measurement that has all repetitions of all specs called `names`; empty if none has.
+
+    What was measured together has the same value of the field `mark`.
+    """
+    measurements: dict[object, list[Record]] = {}
+    for row in rows:
+        measurements.setdefault(row[mark], []).append(row)
+    wanted = {(name, repeat) for name in names for repeat in range(repeats)}
+    for found in reversed(measurements.values()):
+        if wanted <= {(row["spec"], row["repeat"]) for row in found}:
+            return [row for row in found if (row["spec"], row["repeat"]) in wanted]
+    return []
+
+
 def check_context(rows: Sequence[Record], scene: str, spec_full: Mapping[str, str], context: Record) -> None:
     """ValueError, naming the first difference, if `rows` of this scene were made with other settings.
 

@@ -6,7 +6,7 @@ the replay began. An interrupted scene is replayed again, from the streams that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -16,7 +16,7 @@ from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
 from .jobs import Job, JobResult
 from .machine import available_threads
 from .preflight import preflight
-from .records import Record, ResultsFolder, append
+from .records import Record, ResultsFolder, append, newest_run, of
 from .streams import is_recorded
 
 #: One frame of this size and this many samples per pixel is recorded, unless the user says otherwise.
@@ -65,10 +65,7 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
     """
     folder = ResultsFolder(options.out)
     run = _Run(options, listener, folder, Attempts(folder, listener))
-    scenes = preflight(options, folder, run.attempts.note, images=False)
-    for scene in scenes:
-        if not scene.triangles:
-            raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to trace rays in")
+    scenes = preflight(options, folder, run.attempts.note, images=False, meshes_to="trace rays in")
     folder.prepare("streams")
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
@@ -82,15 +79,8 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
 
 def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) -> list[Record]:
     """The records of the last replay of a scene that has all the runs that are asked for; empty if there is none."""
-    replays: dict[str, list[Record]] = {}
-    for row in folder.records():
-        if row["scene"] == scene.name and row["max_rays"] == options.max_rays:
-            replays.setdefault(str(row["replay"]), []).append(row)
-    wanted = {(spec.text, repeat) for spec in options.specs for repeat in range(options.repeats)}
-    for rows in reversed(replays.values()):
-        if wanted <= {(row["spec"], row["repeat"]) for row in rows}:
-            return [row for row in rows if (row["spec"], row["repeat"]) in wanted]
-    return []
+    rows = of(folder.records(), scene=scene.name, max_rays=options.max_rays)
+    return newest_run(rows, "replay", [spec.text for spec in options.specs], options.repeats)
 
 
 def _record(run: _Run, scene: SceneInfo) -> bool:
@@ -142,8 +132,3 @@ def _row(run: _Run, scene: SceneInfo, started: str, values: Mapping[str, Any], t
         "counters": values["counters"][spec][stream],
         "differences": values["differences"][spec][stream],
     }
-
-
-def of(rows: Sequence[Record], **fields: object) -> list[Record]:
-    """The records with these values."""
-    return [row for row in rows if all(row[key] == value for key, value in fields.items())]

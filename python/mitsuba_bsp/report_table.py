@@ -16,8 +16,7 @@ from .comparison import Failure, SceneInfo
 from .differences import Differences
 from .records import Record, ResultsFolder
 from .spec import Spec
-
-NONE = "-"
+from .speeds import NONE, spread
 
 _TIMES = ("spec", "build s", "render s", "spread", "x native", "steps/ray", "tests/ray", "nodes", "refs", "MB")
 _IMAGES = ("spec", "our trees", "against native", "against embree")
@@ -108,7 +107,7 @@ def _time_cells(runs: Sequence[Record], native: Sequence[Record] | None) -> tupl
     return (
         f"{median(run['build_s'] for run in runs):.3f}{' loaded' * loaded}",
         f"{median(seconds):.3f}",
-        f"{(max(seconds) - min(seconds)) / 2 / median(seconds):.1%}",
+        spread(seconds),
         _number(speed, ".2f"),
         _number(runs[0]["interior_steps_per_ray"], ".1f"),
         _number(runs[0]["triangle_tests_per_ray"], ".1f"),

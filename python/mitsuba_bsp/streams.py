@@ -19,8 +19,10 @@ from numpy.typing import NDArray
 
 KINDS = ("camera", "shadow", "bounce")
 
-#: A ray as the plugin `bsptree` writes it.
-RECORDED = np.dtype([("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4")])
+#: A ray and its answer as the plugin `bsptree` writes them.
+RECORDED = np.dtype(
+    [("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4"), ("t", "<f4"), ("triangle", "<u4")]
+)
 
 #: The seed of the choice of rays where there are too many.
 SAMPLE_SEED = 0
@@ -60,12 +62,16 @@ class Stream:
         return digest.hexdigest()
 
 
-def read_recording(path: Path, expected: int) -> NDArray[np.void]:
-    """The rays that a `bsptree` wrote; OSError unless there are as many as it counted."""
-    rays = np.fromfile(path, RECORDED)
-    if len(rays) != expected:
-        raise OSError(f"of {expected:,} rays only {len(rays):,} could be written to {path}: the disk may be full")
-    return rays
+def check_recording(path: Path, expected: int) -> None:
+    """OSError unless a `bsptree` could write as many rays to its file as it counted."""
+    written = path.stat().st_size // RECORDED.itemsize
+    if written != expected:
+        raise OSError(f"of {expected:,} rays only {written:,} could be written to {path}: the disk may be full")
+
+
+def read_recording(path: Path) -> NDArray[np.void]:
+    """The rays that a `bsptree` wrote."""
+    return np.fromfile(path, RECORDED)
 
 
 def split(rays: NDArray[np.void], sensor: mi.Sensor, max_rays: int) -> list[Stream]:

@@ -24,18 +24,21 @@ MEMBER = "bspmember"
 #: Meshes whose intersection is more than that of their triangles (this one culls back faces).
 _NOT_PLAIN = ("EllipsoidsMesh",)
 
-#: Keys of the group plugins that are no setting of a tree.
+#: Keys of the group plugins that are no setting of a tree: flags, and paths of files.
 _PLUGIN_FLAGS = {"expand": ("true", "false"), "count": ("true", "false")}
+_PLUGIN_PATHS = ("cache", "record", "replay")
 
 
 @dataclass(frozen=True)
 class GroupOptions:
     """What our trees are asked for besides answers: to `count` the work for rays, to keep themselves in the folder
-    `cache`, to write every ray to the file `record` (and count)."""
+    `cache`, to write every ray and answer to the file `record` (and count), or to give the answers in the file `replay`
+    instead of their own."""
 
     count: bool = False
     cache: str | Path | None = None
     record: str | Path | None = None
+    replay: str | Path | None = None
 
 
 def is_groupable(thing: mi.Object) -> bool:
@@ -98,7 +101,7 @@ def _group(spec: Spec, options: GroupOptions, meshes: Sequence[mi.Mesh]) -> mi.P
         # As text, so that the plugin reads exactly what the spec says.
         settings |= {key: value_text(value) for key, value in spec.settings.items()}
         settings |= {"tree": spec.name, "count": options.count}
-        settings |= {key: os.fspath(getattr(options, key) or "") for key in ("cache", "record")}
+        settings |= {key: os.fspath(getattr(options, key) or "") for key in _PLUGIN_PATHS}
     else:
         settings |= spec.settings
     for key, value in settings.items():
@@ -187,7 +190,7 @@ def _check_tree_settings(plugin: str, given: Mapping[str, str]) -> None:
     name = "native"
     if plugin == "bsptree":
         name = options.pop("tree", "kd")
-        for path in ("cache", "record"):
+        for path in _PLUGIN_PATHS:
             options.pop(path, None)
     make_spec(name, options, plugin)
 

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from . import scenes_dir
 from .comparison import Failure, SceneInfo
 from .loading import VARIANTS
+from .machine import available_threads
 
 OK, JOB_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -54,6 +55,11 @@ def add_loading_options(sub: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help="set a parameter of the scene",
     )
+
+
+def add_threads_option(sub: argparse.ArgumentParser) -> None:
+    """How many threads work."""
+    sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
 
 
 def chosen_scenes(named: Sequence[Path]) -> tuple[Path, ...]:

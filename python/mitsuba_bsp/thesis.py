@@ -70,10 +70,7 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
     """
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False)
-    for scene in scenes:
-        if not scene.triangles:
-            raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to count")
+    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="count")
     folder.prepare("")
     done = {(row["scene"], row["spec"]) for row in folder.records()}
     frames = [(scene, spec) for scene in scenes for spec in options.specs]

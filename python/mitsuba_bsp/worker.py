@@ -5,11 +5,10 @@ The answer file always says how far the worker got, so that the parent can tell 
 
 from __future__ import annotations
 
-import hashlib
 import json
+import re
 import resource
 import sys
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,17 +19,16 @@ import numpy as np
 
 from .build_jobs import build, grow
 from .exr import write_exr
+from .frame_jobs import time_frames
 from .jobs import Job
-from .loading import LoadedScene, open_file, parsed_file
+from .loading import open_file, parsed_file
 from .messages import one_sentence
 from .ray_jobs import record, replay
-from .render_setup import fix_block_size, has_box_filter, set_resolution, use_box_filter
+from .render_setup import fix_block_size, has_box_filter, set_resolution
+from .rendering import Stage, construct, load, render, samples
 from .scene_hash import referenced_file, scene_hash
-from .spec import parse_spec
 from .swap import GroupOptions
 from .tree_statistics import statistics
-
-Stage = Callable[[str], None]
 
 
 def main() -> None:
@@ -45,7 +43,7 @@ def main() -> None:
 
     try:
         _set_up(job)
-        mi.logger().add_appender(_BuildProgress(job, stage))
+        mi.logger().add_appender(_BuildProgress(lambda: reached["stage"], stage))
         reached["values"] = _KINDS[job.kind](job, stage)
     # Whatever goes wrong is the parent's to report: this process has no other voice.
     except Exception as error:  # noqa: BLE001
@@ -65,52 +63,17 @@ def _set_up(job: Job) -> None:
 class _BuildProgress(mi.Appender):
     """Turns the progress bar of a tree's building into stages."""
 
-    def __init__(self, job: Job, stage: Stage) -> None:
+    def __init__(self, reached: Callable[[], str], stage: Stage) -> None:
         super().__init__()
-        self._job, self._stage = job, stage
+        self._reached, self._stage = reached, stage
 
     def append(self, level: mi.LogLevel, text: str) -> None:
         """Messages are others' business."""
 
     def log_progress(self, progress: float, name: str, formatted: str, eta: str, payload: object = None) -> None:
         if name.startswith("Building"):
-            self._stage(f"building {self._job.spec} for {self._job.scene}, {progress:.0%}")
-
-
-def _load(job: Job, stage: Stage, box: bool) -> LoadedScene:
-    """Make the scene's objects, with the film and integrator that the job asks for."""
-
-    def edit(state: mi.parser.ParserState) -> None:
-        if job.resolution:
-            set_resolution(state, job.resolution)
-        if box:
-            use_box_filter(state)
-        fix_block_size(state)
-
-    stage(f"loading {job.scene}")
-    return open_file(job.scene, params=job.params, edit=edit)
-
-
-def _construct(job: Job, loaded: LoadedScene, stage: Stage, count: bool = False) -> tuple[mi.Scene, float]:
-    """The scene, and the seconds it took to construct it from loaded objects."""
-    state = loaded.regrouped(parse_spec(job.spec), GroupOptions(count=count, cache=job.cache))
-    stage(f"building {job.spec} for {job.scene}")
-    start = time.perf_counter()
-    scene = loaded.construct(state)
-    return scene, time.perf_counter() - start
-
-
-def _render(job: Job, scene: mi.Scene, stage: Stage, spp: int) -> tuple[np.ndarray, float]:
-    """The image (height, width, channels) and the seconds of `mitsuba.render` alone."""
-    stage(f"rendering {job.scene} with {job.spec}")
-    start = time.perf_counter()
-    tensor = mi.render(scene, spp=spp, seed=job.seed)
-    seconds = time.perf_counter() - start
-    return np.array(tensor, dtype=np.float32), seconds
-
-
-def _spp(job: Job, scene: mi.Scene) -> int:
-    return job.spp or scene.sensors()[0].sampler().sample_count()
+            building = re.sub(r", \d+%$", "", self._reached())
+            self._stage(f"{building}, {progress:.0%}")
 
 
 def _inspect(job: Job, stage: Stage) -> dict[str, Any]:
@@ -125,7 +88,7 @@ def _inspect(job: Job, stage: Stage) -> dict[str, Any]:
     stage(f"loading {job.scene}")
     digest = scene_hash(job.scene, job.params)
     loaded = open_file(job.scene, params=job.params, edit=look)
-    scene, _ = _construct(job, loaded, stage)
+    scene, _ = construct(job, loaded, stage)
     if scene.integrator() is None or not scene.sensors():
         missing = "integrator" if scene.integrator() is None else "sensor"
         raise ValueError(f"{job.scene} has no {missing}, so there is nothing to render")
@@ -144,40 +107,40 @@ def _inspect(job: Job, stage: Stage) -> dict[str, Any]:
 
 def _count(job: Job, stage: Stage) -> dict[str, Any]:
     """Render once, untimed, with ray counters and the box filter, and write the image if it has a path."""
-    scene, _ = _construct(job, _load(job, stage, box=True), stage, count=True)
-    pixels, _ = _render(job, scene, stage, _spp(job, scene))
+    scene, _ = construct(job, load(job, stage, box=True), stage, GroupOptions(count=True, cache=job.cache))
+    frame = render(job, scene, stage, samples(job, scene))
     if job.image:
         stage(f"writing {job.image}")
-        _write_images(job, scene, pixels)
-    return {"statistics": statistics(scene), "pixels_sha256": _digest(pixels)}
+        _write_images(job, scene, frame.pixels)
+    return {"statistics": statistics(scene), "pixels_sha256": frame.sha256}
 
 
 def _time(job: Job, stage: Stage) -> dict[str, Any]:
     """Time building and rendering, after a warm-up render of one sample per pixel."""
-    scene, build_s = _construct(job, _load(job, stage, box=False), stage)
-    spp = _spp(job, scene)
-    _render(job, scene, stage, spp=1)
-    pixels, render_s = _render(job, scene, stage, spp)
+    scene, build_s = construct(job, load(job, stage), stage)
+    spp = samples(job, scene)
+    render(job, scene, stage, spp=1)
+    frame = render(job, scene, stage, spp)
     return {
         "build_s": build_s,
-        "render_s": render_s,
+        "render_s": frame.wall_s,
         "statistics": statistics(scene),
-        "pixels_sha256": _digest(pixels),
+        "pixels_sha256": frame.sha256,
         "peak_rss_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
     }
 
 
 def _render_once(job: Job, stage: Stage) -> dict[str, Any]:
     """Render the scene as it says and write the image."""
-    loaded = _load(job, stage, box=False)
-    scene, build_s = _construct(job, loaded, stage)
-    pixels, render_s = _render(job, scene, stage, _spp(job, scene))
+    loaded = load(job, stage)
+    scene, build_s = construct(job, loaded, stage)
+    frame = render(job, scene, stage, samples(job, scene))
     stage(f"writing {job.image}")
     header = {**job.header, "scene_hash": scene_hash(job.scene, job.params)}
-    _write_image(Path(job.image), scene, pixels, header)
+    _write_image(Path(job.image), scene, frame.pixels, header)
     return {
         "build_s": build_s,
-        "render_s": render_s,
+        "render_s": frame.wall_s,
         "meshes": len(loaded.meshes),
         "others": loaded.others,
         "statistics": statistics(scene),
@@ -206,10 +169,6 @@ def _shape_index(props: mi.Properties) -> dict[str, int]:
     return {"shape_index": props["shape_index"]} if "shape_index" in props else {}
 
 
-def _digest(pixels: np.ndarray) -> str:
-    return hashlib.sha256(np.ascontiguousarray(pixels).tobytes()).hexdigest()
-
-
 def _write_images(job: Job, scene: mi.Scene, pixels: np.ndarray) -> None:
     """The EXR file of a comparison and its PNG preview."""
     path = Path(job.image)
@@ -235,6 +194,7 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "blame": _blame,
     "record": record,
     "replay": replay,
+    "frames": time_frames,
     "build": build,
     "grow": grow,
 }

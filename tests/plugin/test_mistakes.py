@@ -11,7 +11,7 @@ import pytest
 from .plugin_scenes import ball, place, to_mesh
 
 CUBE = {"type": "cube"}
-BSPTREE = "tree, count, record, cache, expand"
+BSPTREE = "tree, count, record, replay, cache, expand"
 NATIVE = "count, check, expand, kd_intersection_cost, kd_traversal_cost"
 
 

@@ -1,0 +1,96 @@
+"""What a worker does in every job that renders: load, put under an accelerator, render, all as the job says."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+
+from .jobs import Job
+from .loading import LoadedScene, open_file
+from .render_setup import fix_block_size, set_resolution, use_box_filter
+from .spec import parse_spec
+from .streams import check_recording
+from .swap import GroupOptions
+from .tree_statistics import statistics
+
+Stage = Callable[[str], None]
+
+#: The tree that rays are recorded with: all of ours give the same answers, so it does not matter which.
+RECORDING_SPEC = "kd"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rendered image (height, width, channels) float32, and what `mitsuba.render` alone took.
+
+    `wall_s` is seconds on the clock, `cpu_s` those of all threads on their processors.
+    """
+
+    pixels: np.ndarray
+    wall_s: float
+    cpu_s: float
+
+    @property
+    def sha256(self) -> str:
+        """Of all bytes of all pixels."""
+        return hashlib.sha256(np.ascontiguousarray(self.pixels)).hexdigest()
+
+
+def load(job: Job, stage: Stage, box: bool = False) -> LoadedScene:
+    """Make the scene's objects, with the film and integrator that the job asks for, if `box` with the box filter."""
+
+    def edit(state: mi.parser.ParserState) -> None:
+        if job.resolution:
+            set_resolution(state, job.resolution)
+        if box:
+            use_box_filter(state)
+        fix_block_size(state)
+
+    stage(f"loading {job.scene}")
+    return open_file(job.scene, params=job.params, edit=edit)
+
+
+def construct(
+    job: Job, loaded: LoadedScene, stage: Stage, options: GroupOptions | None = None
+) -> tuple[mi.Scene, float]:
+    """The scene under `job.spec`, and the seconds it took to construct it from loaded objects."""
+    state = loaded.regrouped(parse_spec(job.spec), options or GroupOptions(cache=job.cache))
+    stage(f"building {job.spec} for {job.scene}")
+    start = time.perf_counter()
+    scene = loaded.construct(state)
+    return scene, time.perf_counter() - start
+
+
+def samples(job: Job, scene: mi.Scene) -> int:
+    """The samples per pixel that the job asks for, or else the scene, if it was not rendered with others before."""
+    return job.spp or scene.sensors()[0].sampler().sample_count()
+
+
+def render(job: Job, scene: mi.Scene, stage: Stage, spp: int) -> Frame:
+    """Render `scene`, which is under `job.spec`."""
+    stage(f"rendering {job.scene} with {job.spec}")
+    start, busy_start = time.perf_counter(), time.process_time()
+    tensor = mi.render(scene, spp=spp, seed=job.seed)
+    wall_s, cpu_s = time.perf_counter() - start, time.process_time() - busy_start
+    return Frame(np.array(tensor, dtype=np.float32), wall_s, cpu_s)
+
+
+def record_frame(job: Job, loaded: LoadedScene, file: Path, stage: Stage) -> tuple[mi.Scene, Frame]:
+    """Render one frame and write its rays and their answers to `file`; ValueError if there are none."""
+    job = replace(job, spec=RECORDING_SPEC)
+    scene, _ = construct(job, loaded, stage, GroupOptions(record=file))
+    frame = render(job, scene, stage, samples(job, scene))
+    counters = statistics(scene).get("counters", {})
+    if not counters:
+        raise ValueError("the scene has no triangle mesh, so there is nothing to trace rays in")
+    asked = sum(kind["rays"] for kind in counters.values())
+    check_recording(file, asked)
+    if not asked:
+        raise ValueError(f"rendering {job.scene} sent no ray to its triangle meshes, so there is nothing to measure")
+    return scene, frame

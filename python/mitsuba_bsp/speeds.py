@@ -1,0 +1,42 @@
+"""Cells of tables of times: spread, and speed against the baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import geometric_mean, median
+
+from .intervals import median_interval
+from .records import Record, of
+
+NONE = "-"
+
+#: Whom every accelerator is measured against.
+BASELINES = ("native", "embree")
+
+
+def spread(times: Sequence[float]) -> str:
+    """Half the range, relative to the median."""
+    return f"{(max(times) - min(times)) / 2 / median(times):.1%}"
+
+
+def ratios(runs: Sequence[Record], rows: Sequence[Record], baseline: str, time: str) -> list[float]:
+    """The baseline's `time` over this one's, repetition by repetition; empty without that baseline."""
+    times = {row["repeat"]: row[time] for row in of(rows, spec=baseline)}
+    return [times[run["repeat"]] / run[time] for run in runs] if times else []
+
+
+def speed(found: Sequence[float]) -> str:
+    """The median of ratios with its interval."""
+    return str(median_interval(found)) if found else NONE
+
+
+def mean_ratio(scenes: Sequence[Sequence[float]]) -> float | None:
+    """The geometric mean of the medians of the scenes that have any; None if none has."""
+    medians = [median(found) for found in scenes if found]
+    return geometric_mean(medians) if medians else None
+
+
+def mean_speed(scenes: Sequence[Sequence[float]]) -> str:
+    """`mean_ratio` as a cell."""
+    mean = mean_ratio(scenes)
+    return NONE if mean is None else f"{mean:.2f}"
