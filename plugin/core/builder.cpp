@@ -99,7 +99,7 @@ private:
     double build_node(NodeWork node, Tree &tree) const {
         if (m_monitor)
             m_monitor->check();
-        const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
+        const double leaf_price = m_settings.cost.leaf_price(node.references.size());
         std::optional<Split> split;
         if (may_split(node, leaf_price, tree))
             split = choose_split(node, tree);
@@ -194,7 +194,7 @@ private:
             const Stopwatch stopwatch(tree.phases.directions_s);
             directions = directions_of(node);
         }
-        const double leaf_price = m_settings.cost.intersection_cost * double(node.references.size());
+        const double leaf_price = m_settings.cost.leaf_price(node.references.size());
         if (!m_triangle_planes && node.references.size() > std::size_t(m_settings.exact_below)) {
             const std::optional<Split> likely = cheapest_estimate(directions, node, tree);
             if (likely && likely->price < leaf_price) {
@@ -267,7 +267,7 @@ private:
         std::optional<Split> split = attempt(by_size ? base + surcharge : cost.oblique_cost);
         // A price that grows with the node keeps oblique planes to where they gain much; where it lets nothing beat the
         // leaf, they are tried again at their true price (Ize, Wald, Parker 2008).
-        if (by_size && cost.retry && (!split || split->price >= cost.intersection_cost * count))
+        if (by_size && cost.retry && (!split || split->price >= cost.leaf_price(node.references.size())))
             split = attempt(cost.oblique_cost);
         return split;
     }

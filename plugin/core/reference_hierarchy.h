@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "references.h"
+#include "settings.h"
 #include "simd.h"
 
 namespace bsp {
@@ -20,19 +21,17 @@ struct SideCounts {
 
 /// What the references on both sides of a plane cost together.
 struct SidePrices {
-    double below = 0, above = 0; ///< of one reference on that side
-    double empty_bonus = 1;      ///< factor where a side is empty
-    double limit = HUGE_VAL;     ///< what costs this much or more is of no interest
+    double below = 0, above = 0; ///< shares of the cell's area
+    CostModel cost;
+    double limit = HUGE_VAL; ///< what costs this much or more is of no interest
 
     double price(std::uint32_t count_below, std::uint32_t count_above) const {
-        const double bonus = count_below == 0 || count_above == 0 ? empty_bonus : 1.0;
-        return bonus * (below * count_below + above * count_above);
+        return cost.split_price(below, count_below, above, count_above);
     }
     /// Whether it must reach the limit, wherever the `remaining` references lie.
     bool is_out(const SideCounts &counts, std::uint32_t remaining) const {
-        const double bonus = counts.below == 0 || counts.above == 0 ? empty_bonus : 1.0;
-        const double least = below * counts.below + above * counts.above + std::min(below, above) * remaining;
-        return bonus * least >= limit;
+        const double more = cost.empty_bonus * std::min(below, above) * cost.intersection_cost * remaining;
+        return price(counts.below, counts.above) + more >= limit;
     }
 };
 

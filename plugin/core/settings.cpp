@@ -221,6 +221,8 @@ std::vector<Key> cost_keys() {
                              For::built, preset_words, [](Settings &s) -> CostPreset & { return s.preset; }),
         number_key("intersection_cost", "price of one triangle test", For::built, 1e-9, huge, "a number above 0",
                    [](Settings &s) -> double & { return s.cost.intersection_cost; }),
+        number_key("leaf_cost", "price of a visit of a leaf that is not empty, besides its tests", For::built, 0, huge,
+                   "a number from 0 up", [](Settings &s) -> double & { return s.cost.leaf_cost; }),
         number_key("axis_cost", "price of one step through an axis-aligned node", For::built, 0, huge,
                    "a number from 0 up", [](Settings &s) -> double & { return s.cost.axis_cost; }),
         number_key("oblique_cost", "price of one step through an oblique node", For::oblique, 0, huge,
@@ -308,10 +310,10 @@ void apply_preset(CostPreset preset, std::optional<LayoutKind> layout, Settings 
         s.layout = LayoutKind::binary;
     if (preset == CostPreset::measured) {
         if (s.layout == LayoutKind::binary)
-            s.cost = {0.15, 1.0, 1.1, ObliquePrice::surcharge, 0.1, true, 0.9};
+            s.cost = {0.15, 0, 1.0, 1.1, ObliquePrice::surcharge, 0.1, true, 0.9};
         return;
     }
-    s.cost = {80, 1, 5, ObliquePrice::linear, 0.1, preset == CostPreset::ize, 1.0};
+    s.cost = {80, 0, 1, 5, ObliquePrice::linear, 0.1, preset == CostPreset::ize, 1.0};
     if (preset == CostPreset::ize)
         return;
     s.exact_below = 1 << 30;

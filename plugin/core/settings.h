@@ -1,6 +1,7 @@
 /// What a spec says: which tree, how it is built, which triangle test. The one place where defaults are written.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -44,12 +45,23 @@ enum class ObliquePrice {
 /// wide nodes.
 struct CostModel {
     double intersection_cost = 0.12; ///< one triangle test
+    double leaf_cost = 1.5;          ///< one visit of a leaf that is not empty, besides its tests
     double axis_cost = 1.0;          ///< one axis-aligned plane on a ray's way
     double oblique_cost = 1.0;       ///< one oblique plane
     ObliquePrice oblique_price = ObliquePrice::surcharge;
     double alpha = 0.03;      ///< how the price of oblique splits grows with the node
     bool retry = true;        ///< where nothing beats the leaf, oblique splits are tried again at `oblique_cost`
     double empty_bonus = 0.9; ///< factor on the children's cost when one of them is empty
+
+    /// Of a leaf of `count` triangles that a ray meets for certain.
+    double leaf_price(std::size_t count) const {
+        return count == 0 ? 0 : leaf_cost + intersection_cost * double(count);
+    }
+    /// Of two leaves whose cells have these shares of their parent's area, the step to them aside.
+    double split_price(double share_below, std::size_t below, double share_above, std::size_t above) const {
+        const double bonus = below == 0 || above == 0 ? empty_bonus : 1.0;
+        return bonus * (share_below * leaf_price(below) + share_above * leaf_price(above));
+    }
 };
 
 struct Settings {

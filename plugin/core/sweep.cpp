@@ -43,12 +43,11 @@ std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cel
     const std::uint32_t count = std::uint32_t(references.size());
     static thread_local AreaProfile profile;
     profile.reset(cell, direction);
-    const double scale = cost.intersection_cost / cell.area();
+    const double scale = 1 / cell.area();
     std::optional<SweptPlane> best;
     const auto consider = [&](float offset, bool planar_below, std::uint32_t below, std::uint32_t above,
                               double area_below, double area_above) {
-        const double bonus = below == 0 || above == 0 ? cost.empty_bonus : 1.0;
-        const double price = bonus * scale * (area_below * below + area_above * above);
+        const double price = cost.split_price(area_below * scale, below, area_above * scale, above);
         if (!best || price < best->cost)
             best = SweptPlane{offset, planar_below, below, above, price, 0};
     };
@@ -96,7 +95,7 @@ std::optional<SweptPlane> estimate(const ReferenceList &references, const Cell &
         ++ends[bin_of(high)];
     }
 
-    const double scale = cost.intersection_cost / cell.area();
+    const double scale = 1 / cell.area();
     std::optional<SweptPlane> best;
     std::uint32_t below = 0, above = std::uint32_t(references.size());
     for (std::size_t i = 1; i < bins; ++i) {
@@ -104,8 +103,7 @@ std::optional<SweptPlane> estimate(const ReferenceList &references, const Cell &
         above -= ends[i - 1];
         const double offset = lower + width * double(i);
         const auto [area_below, area_above] = profile.at(offset);
-        const double bonus = below == 0 || above == 0 ? cost.empty_bonus : 1.0;
-        const double price = bonus * scale * (area_below * below + area_above * above);
+        const double price = cost.split_price(area_below * scale, below, area_above * scale, above);
         if (!best || price < best->cost)
             best = SweptPlane{float(offset), false, below, above, price};
     }

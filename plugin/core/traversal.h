@@ -44,8 +44,7 @@ public:
 
     static constexpr bool is_any = false;
     float limit() const { return m_hit.t; }
-    /// Where the block has the triangle that is the hit already.
-    unsigned known_lanes(const TriangleBlock &block) const { return block.lanes_of(m_hit.triangle); }
+    std::uint32_t known() const { return m_hit.triangle; } ///< it need not be tested again
 
     template <Fault fault> bool offer(const TriangleHit &hit, std::uint32_t id) {
         const bool tie = fault == Fault::first_of_ties ? !m_hit.found() : id < m_hit.triangle;
@@ -67,7 +66,7 @@ public:
 
     static constexpr bool is_any = true;
     float limit() const { return m_maxt; }
-    unsigned known_lanes(const TriangleBlock &) const { return 0; }
+    std::uint32_t known() const { return no_triangle; }
 
     template <Fault> bool offer(const TriangleHit &hit, std::uint32_t) {
         m_found |= hit.t >= 0 && hit.t <= m_maxt;
@@ -136,11 +135,10 @@ bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &t
     if constexpr (Counting::counts) {
         ++counting.counters.leaves;
         for (std::uint32_t i = 0; i < count; ++i)
-            counting.counters.triangle_tests += unsigned(__builtin_popcount(block[i].used()));
+            counting.counters.triangle_tests += block[i].triangle_count();
     }
     for (; count > 0; --count, ++block)
-        for (unsigned lanes = test.candidates(*block, query.limit()) & ~query.known_lanes(*block); lanes != 0;
-             lanes &= lanes - 1) {
+        for (unsigned lanes = test.candidates(*block, query.limit(), query.known()); lanes != 0; lanes &= lanes - 1) {
             const unsigned lane = unsigned(__builtin_ctz(lanes));
             if (const auto hit = test.intersect(TriangleBlock::Lane{*block, lane}))
                 if (query.template offer<fault>(*hit, block->ids[lane]))

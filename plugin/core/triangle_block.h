@@ -23,14 +23,12 @@ struct alignas(32) TriangleBlock {
         ids[lane] = id;
     }
 
-    /// A bit for each lane with this id.
-    unsigned lanes_of(std::uint32_t id) const {
-        const __m256i same =
-            _mm256_cmpeq_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(ids)), _mm256_set1_epi32(int(id)));
-        return unsigned(_mm256_movemask_ps(_mm256_castsi256_ps(same)));
+    /// Negative in each lane with this id; `no_triangle`: in those that are not in use.
+    Float8 lanes_of(std::uint32_t id) const {
+        const __m256i all = _mm256_load_si256(reinterpret_cast<const __m256i *>(ids));
+        return {_mm256_castsi256_ps(_mm256_cmpeq_epi32(all, _mm256_set1_epi32(int(id))))};
     }
-    /// A bit for each lane in use.
-    unsigned used() const { return lanes_of(no_triangle) ^ ((1u << width) - 1); }
+    unsigned triangle_count() const { return width - unsigned(__builtin_popcount(lanes_of(no_triangle).bits())); }
 
     Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }
 

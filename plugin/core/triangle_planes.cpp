@@ -22,8 +22,8 @@ class PlaneSearch {
 public:
     PlaneSearch(const ReferenceHierarchy &hierarchy, const SideAreas &areas, const CostModel &cost, double tolerance,
                 double limit)
-        : m_hierarchy(hierarchy), m_areas(areas), m_tolerance(tolerance),
-          m_scale(cost.intersection_cost / areas.total()), m_empty_bonus(cost.empty_bonus), m_limit(limit) {}
+        : m_hierarchy(hierarchy), m_areas(areas), m_tolerance(tolerance), m_scale(1 / areas.total()), m_cost(cost),
+          m_limit(limit) {}
 
     void consider(const TrianglePlane &plane) {
         if (plane.direction.is_axis())
@@ -31,7 +31,7 @@ public:
         const auto areas = m_areas.at(plane.direction, plane.offset, 2 * m_tolerance);
         if (!areas)
             return;
-        const SidePrices prices{m_scale * areas->first, m_scale * areas->second, m_empty_bonus, m_limit};
+        const SidePrices prices{m_scale * areas->first, m_scale * areas->second, m_cost, m_limit};
         const auto counts = m_hierarchy.count(plane.direction, plane.offset, prices, work);
         if (!counts)
             return;
@@ -52,7 +52,8 @@ public:
 private:
     const ReferenceHierarchy &m_hierarchy;
     const SideAreas &m_areas;
-    double m_tolerance, m_scale, m_empty_bonus;
+    double m_tolerance, m_scale;
+    const CostModel &m_cost;
     double m_limit; ///< price of the best plane so far
 };
 

@@ -39,8 +39,8 @@ public:
         m_reach_z = std::abs(ray.d[m_z]) * 1.0001f;
     }
 
-    /// A set bit for every triangle that `intersect` might accept, and some others.
-    unsigned candidates(const TriangleBlock &block, float limit) const {
+    /// A set bit for every triangle but `known` that `intersect` might accept with t from 0 to `limit`, and some others.
+    [[gnu::always_inline]] unsigned candidates(const TriangleBlock &block, float limit, std::uint32_t known) const {
         const Float8 ox = Float8::all(m_origin[m_x]), oy = Float8::all(m_origin[m_y]), oz = Float8::all(m_origin[m_z]);
         const Float8 sx = Float8::all(m_shear_x), sy = Float8::all(m_shear_y);
         Float8 x[3], y[3], z[3];
@@ -57,7 +57,8 @@ public:
         const Float8 w = x[1] * y[0] - y[1] * x[0];
         const Float8 zero = Float8::all(0);
         const Float8 outside = (min(min(u, v), w) < zero) & (max(max(u, v), w) > zero);
-        return ~(outside | beyond | behind).bits() & block.used();
+        return (1u << TriangleBlock::width) - 1 -
+               (outside | beyond | behind | block.lanes_of(known) | block.lanes_of(no_triangle)).bits();
     }
 
     template <typename Corners> std::optional<TriangleHit> intersect(const Corners &corners) const {
@@ -125,12 +126,13 @@ class MtTest {
 public:
     explicit MtTest(const Ray &ray) : m_origin(ray.o), m_direction(ray.d) {}
 
-    unsigned candidates(const TriangleBlock &block, float limit) const {
+    unsigned candidates(const TriangleBlock &block, float limit, std::uint32_t known) const {
         Vec3<Float8> corners[3];
         for (unsigned vertex = 0; vertex < 3; ++vertex)
             corners[vertex] = {block.load(vertex, 0), block.load(vertex, 1), block.load(vertex, 2)};
         const auto [hit, inside] = test<Float8>(all(m_origin), all(m_direction), corners[0], corners[1], corners[2]);
-        return (inside & (hit.z >= Float8::all(0)) & (hit.z <= Float8::all(limit))).bits() & block.used();
+        return (inside & (hit.z >= Float8::all(0)) & (hit.z <= Float8::all(limit))).bits() &
+               ~(block.lanes_of(known) | block.lanes_of(no_triangle)).bits();
     }
 
     template <typename Corners> std::optional<TriangleHit> intersect(const Corners &corners) const {

@@ -56,7 +56,10 @@ inline __m256i load_lanes(const std::uint8_t *lanes) {
 }
 
 /// What the traversal of wide nodes needs to know of a ray. Lanes 0, 1 and 2 belong to the axes, or to planes whose
-/// major axis they are. The bounds are those of `RayFrame`; sums over the axes are replaced by three times the largest.
+/// major axis they are. The bounds are those derived in traversal.h, with these differences: an axis-aligned plane's
+/// offset is multiplied by 1/d_k before the origin is subtracted, which adds 3 u |o_k / d_k|; at oblique planes the
+/// bound is added to the distance, before the division, which adds u R; and sums over the axes are replaced by three
+/// times the largest term, which is no less.
 template <Fault fault> struct WideRay {
     Float8 inverse, low, high;  ///< an axis plane is met between offset * inverse + low and offset * inverse + high
     Float8 d[3], o[3];          ///< component 0 is that along the major axis, 1 and 2 those along the next two

@@ -19,6 +19,7 @@ const Cell unit_cell(Bounds{{0, 0, 0}, {10, 1, 1}});
 CostModel plain_cost() {
     CostModel cost;
     cost.intersection_cost = 1;
+    cost.leaf_cost = 0;
     cost.empty_bonus = 1;
     return cost;
 }
@@ -35,6 +36,20 @@ TEST(Sweep, CheapestPlaneByHand) {
     EXPECT_EQ(plane->below, 2u);
     EXPECT_EQ(plane->above, 1u);
     EXPECT_DOUBLE_EQ(plane->cost, (2 * bar_area(2) + bar_area(8)) / bar_area(10));
+}
+
+TEST(Sweep, VisitsOfLeavesHaveTheirPrice) {
+    CostModel cost = plain_cost();
+    cost.leaf_cost = 3;
+    EXPECT_EQ(cost.leaf_price(0), 0);
+    EXPECT_EQ(cost.leaf_price(2), 5);
+    // Cutting between the triangles would save tests, but a ray would visit two leaves more often than it saves.
+    const ReferenceList references = make_references(make_set({from_to(0, 1), from_to(1, 2), from_to(2, 3)}));
+    const auto plane = sweep(references, unit_cell, x_axis, cost);
+    ASSERT_TRUE(plane);
+    EXPECT_EQ(plane->offset, 3.0f);
+    EXPECT_EQ(plane->above, 0u);
+    EXPECT_DOUBLE_EQ(plane->cost, 6 * bar_area(3) / bar_area(10));
 }
 
 TEST(Sweep, TrianglesThatCrossAreOnBothSides) {

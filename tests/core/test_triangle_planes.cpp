@@ -17,6 +17,7 @@ constexpr double no_limit = HUGE_VAL;
 CostModel plain_cost() {
     CostModel cost;
     cost.intersection_cost = 1;
+    cost.leaf_cost = 0;
     cost.empty_bonus = 1;
     return cost;
 }
@@ -160,7 +161,7 @@ TEST(ReferenceHierarchy, GivesUpOnlyWhenTheLimitIsReached) {
     Random random(24);
     for (int trial = 0; trial < 100; ++trial) {
         const Direction direction = random_direction(random);
-        SidePrices prices{0.3, 0.8, 0.9, no_limit};
+        SidePrices prices{0.3, 0.8, CostModel{}, no_limit};
         const auto counts = hierarchy.count(direction, 0.2f, prices, work);
         const double least = std::min(prices.price(counts->below + counts->on, counts->above),
                                       prices.price(counts->below, counts->above + counts->on));

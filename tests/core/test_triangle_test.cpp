@@ -46,8 +46,8 @@ TYPED_TEST(TriangleTests, CandidatesHoldEveryHit) {
         for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)
             if (const auto hit = test.intersect(triangles[lane]); hit && hit->t >= 0) {
                 ++hits;
-                EXPECT_TRUE(test.candidates(block, hit->t) >> lane & 1) << "a limit that it just meets";
-                EXPECT_TRUE(test.candidates(block, HUGE_VALF) >> lane & 1);
+                EXPECT_TRUE(test.candidates(block, hit->t, no_triangle) >> lane & 1) << "a limit that it just meets";
+                EXPECT_TRUE(test.candidates(block, HUGE_VALF, no_triangle) >> lane & 1);
                 const auto same = test.intersect(TriangleBlock::Lane{block, lane});
                 ASSERT_TRUE(same);
                 EXPECT_EQ(same->t, hit->t);
@@ -62,9 +62,9 @@ TYPED_TEST(TriangleTests, CandidatesLieWithinTheLimit) {
         const float z = float(lane);
         block.set(lane, {{0, 0, z}, {1, 0, z}, {0, 1, z}}, lane < 7 ? lane : no_triangle);
     }
-    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, -1}, {0, 0, 1}}).candidates(block, HUGE_VALF), 0b01111111u);
-    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, 1.5f}, {0, 0, 1}}).candidates(block, 3), 0b00011100u);
-    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, 4.5f}, {0, 0, -2}}).candidates(block, 1.5f), 0b00011100u);
+    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, -1}, {0, 0, 1}}).candidates(block, HUGE_VALF, 5), 0b01011111u);
+    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, 1.5f}, {0, 0, 1}}).candidates(block, 3, no_triangle), 0b00011100u);
+    EXPECT_EQ(TypeParam(Ray{{0.25f, 0.25f, 4.5f}, {0, 0, -2}}).candidates(block, 1.5f, no_triangle), 0b00011100u);
 }
 
 /// Edge functions of neighbours are exact negatives: a ray at their common edge hits at least one of them. (A

@@ -127,7 +127,9 @@ def test_a_changed_stream_file_is_refused(room: Path, command: Command, tmp_path
 def test_calibrate(room: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """With few trees, and without the built-in scenes."""
     monkeypatch.setattr(calibrate_cli, "chosen_scenes", tuple)
-    monkeypatch.setattr(calibrate_cli, "SPECS", ("kd", "kd:leaf_size=8", "random:alpha=0", "random:axes=none,alpha=0"))
+    fine = "intersection_cost=4"  # or the room would be one leaf
+    specs = (f"kd:{fine}", f"kd:leaf_size=8,{fine}", f"random:alpha=0,{fine}", f"random:axes=none,alpha=0,{fine}")
+    monkeypatch.setattr(calibrate_cli, "SPECS", specs)
     folder = room.with_name("out")
     with pytest.raises(SystemExit) as caught:
         cli.main(["calibrate", str(room), "--resolution", "16", "--out", str(folder)])
