@@ -39,7 +39,8 @@ public:
         m_reach_z = std::abs(ray.d[m_z]) * 1.0001f;
     }
 
-    /// A set bit for every triangle but `known` that `intersect` might accept with t from 0 to `limit`, and some others.
+    /// A set bit for every triangle but `known` that `intersect` might accept with t from 0 to `limit`, and some
+    /// others.
     [[gnu::always_inline]] unsigned candidates(const TriangleBlock &block, float limit, std::uint32_t known) const {
         const Float8 ox = Float8::all(m_origin[m_x]), oy = Float8::all(m_origin[m_y]), oz = Float8::all(m_origin[m_z]);
         const Float8 sx = Float8::all(m_shear_x), sy = Float8::all(m_shear_y);
