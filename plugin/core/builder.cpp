@@ -103,12 +103,12 @@ private:
         std::optional<Split> split;
         if (may_split(node, leaf_price, tree))
             split = choose_split(node, tree);
-        if (split && double(split->plane.below) + split->plane.above > node.budget) {
-            ++tree.capped_leaves;
-            split.reset();
-        }
         if (!split || (split->price >= leaf_price && (--node.bad_refines < 0 || is_hopeless(*split, node))))
             return add_leaf(node, leaf_price, tree);
+        if (double(split->plane.below) + split->plane.above > node.budget) {
+            ++tree.capped_leaves;
+            return add_leaf(node, leaf_price, tree);
+        }
         auto cells = node.cell.split(split->direction, split->plane.offset);
         if (!cells)
             return add_leaf(node, leaf_price, tree);
@@ -119,6 +119,7 @@ private:
         node.references = {};
 
         const std::size_t start = tree.nodes.size(), first_reference = tree.references.size();
+        const std::size_t capped = tree.capped_leaves;
         tree.nodes.push_back({split->kind, split->direction, split->plane.offset, 0, 0, 0});
         const auto [price_below, price_above] = build_children(std::move(below), std::move(above), start, tree);
         const double price = step_price(split->kind) + (area_below * price_below + area_above * price_above) / area;
@@ -126,6 +127,7 @@ private:
             return price;
         tree.nodes.resize(start); // the splits never paid: a leaf after all
         tree.references.resize(first_reference);
+        tree.capped_leaves = capped + (tree.capped_leaves > capped); // one leaf in the place of them all
         append_leaf(ids, tree);
         return leaf_price;
     }

@@ -38,7 +38,7 @@ TEST(CappedLeaves, AreThoseThatTheDepthStops) {
     const std::uint32_t usual = pool_size();
     for (const char *tree_name : {"kd", "normals"})
         for (const char *depth : {"1", "4", "9"}) {
-            // Without retraction, whose undone leaves stay in the count.
+            // Without retraction, after which one capped leaf stands for all below it, at any depth.
             const Settings settings =
                 make_settings(tree_name, {{"max_depth", depth}, {"retract", "false"}, {"max_references", "1000"}});
             for (const std::uint32_t threads : {1u, 4u}) {
@@ -65,6 +65,13 @@ TEST(CappedLeaves, AreThoseThatTheBudgetStops) {
     const Statistics free = statistics("1000");
     EXPECT_GT(free.references, 2u);
     EXPECT_EQ(free.capped_leaves, 0u);
+}
+
+TEST(CappedLeaves, AreNoMoreThanThereAreLeaves) {
+    const Statistics s =
+        make_accelerator(random_soup(1000, 19), make_settings("kd", {{"max_depth", "6"}}))->statistics();
+    EXPECT_GT(s.capped_leaves, 0u);
+    EXPECT_LE(s.capped_leaves, s.leaves);
 }
 
 TEST(CappedLeaves, AreNoneWhereLeavesAreWanted) {
