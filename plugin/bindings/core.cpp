@@ -5,17 +5,13 @@
 #include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
-#include <memory>
 #include <string>
 #include <vector>
 
-#include "../interrupt.h"
-#include "accelerator.h"
 #include "builder.h"
-#include "faults.h"
-#include "ray_arrays.h"
 #include "replay.h"
 #include "settings.h"
+#include "tree.h"
 
 #if defined(__clang__)
 #define COMPILER "clang " __clang_version__
@@ -29,8 +25,6 @@ using namespace bindings;
 
 namespace {
 
-bsp::Options to_options(const std::map<std::string, std::string> &options) { return {options.begin(), options.end()}; }
-
 nb::dict to_dict(const std::vector<std::pair<std::string, bsp::SettingValue>> &settings) {
     nb::dict result;
     for (const auto &[name, value] : settings)
@@ -38,32 +32,13 @@ nb::dict to_dict(const std::vector<std::pair<std::string, bsp::SettingValue>> &s
     return result;
 }
 
-bsp::TriangleSet to_triangles(const Rows3 &vertices, const Faces &faces) {
-    bsp::TriangleSet set;
-    set.add(vertices.data(), vertices.shape(0), faces.data(), faces.shape(0));
-    return set;
-}
-
 /// What Python holds.
 struct Tree {
     std::unique_ptr<bsp::Accelerator> accelerator;
 
-    Tree(const Rows3 &vertices, const Faces &faces, const std::string &tree,
-         const std::map<std::string, std::string> &options, const std::string &fault, const std::string &cache) {
-        const bsp::Settings settings = bsp::make_settings(tree, to_options(options));
-        const bsp::TriangleSet set = to_triangles(vertices, faces);
-        try {
-            nb::gil_scoped_release release;
-            bsp::BuildMonitor monitor;
-            const InterruptWatch watch(monitor);
-            accelerator = fault.empty() ? bsp::make_accelerator(set, settings, {cache, &monitor})
-                                        : bsp::make_faulty_accelerator(set, settings, fault);
-        } catch (const bsp::BuildCancelled &) {
-            if (PyErr_CheckSignals() != 0)
-                throw nb::python_error();
-            throw;
-        }
-    }
+    Tree(const Rows3 &vertices, const Faces &faces, const std::string &tree, const OptionMap &options,
+         const std::string &fault, const std::string &cache)
+        : accelerator(build(vertices, faces, tree, options, fault, cache)) {}
 };
 
 nb::dict closest(const Tree &tree, Rows3 origins, Rows3 directions, Values maxt) {
@@ -118,17 +93,13 @@ nb::list memory(nb::handle self) {
 }
 
 /// Planes considered and different planes, per level and (last) of the whole tree.
-nb::list survey_planes(const Rows3 &vertices, const Faces &faces, const std::string &tree,
-                       const std::map<std::string, std::string> &options) {
+nb::list survey_planes(const Rows3 &vertices, const Faces &faces, const std::string &tree, const OptionMap &options) {
     const bsp::Settings settings = bsp::make_settings(tree, to_options(options));
-    const bsp::TriangleSet set = to_triangles(vertices, faces);
-    std::vector<bsp::LevelPlanes> levels;
-    {
-        nb::gil_scoped_release release;
-        levels = bsp::survey_planes(set, settings);
-    }
+    bsp::TriangleSet set = to_triangles(vertices, faces);
+    set.rescale();
     nb::list result;
-    for (const bsp::LevelPlanes &level : levels)
+    for (const bsp::LevelPlanes &level :
+         watched([&](bsp::BuildMonitor &monitor) { return bsp::survey_planes(set, settings, &monitor); }))
         result.append(nb::make_tuple(level.considered, level.different));
     return result;
 }
@@ -141,6 +112,46 @@ nb::ndarray<nb::numpy, float> planes(const Tree &tree) {
     return to_numpy(std::move(rows));
 }
 
+/// The neutral tree before it is packed, for audits: an array entry a node, depth first, and the leaves' triangles.
+nb::dict neutral_tree(const Rows3 &vertices, const Faces &faces, const std::string &tree_name,
+                      const OptionMap &options) {
+    const bsp::Settings settings = bsp::make_settings(tree_name, to_options(options));
+    const bsp::TriangleSet set = to_triangles(vertices, faces);
+    bsp::Tree tree;
+    {
+        nb::gil_scoped_release release;
+        tree = bsp::build_tree(set, settings);
+    }
+    std::vector<std::uint8_t> is_leaf;
+    std::vector<float> planes;
+    std::vector<std::uint32_t> above, first, count;
+    for (const bsp::TreeNode &node : tree.nodes) {
+        const bsp::Direction &direction = node.direction;
+        float normal[3] = {};
+        normal[direction.major] = 1;
+        normal[bsp::next_axis[direction.major]] = direction.a;
+        normal[bsp::after_axis[direction.major]] = direction.b;
+        is_leaf.push_back(node.kind == bsp::TreeNode::Kind::leaf);
+        planes.insert(planes.end(), {normal[0], normal[1], normal[2], node.offset});
+        above.push_back(node.above);
+        first.push_back(node.first);
+        count.push_back(node.count);
+    }
+    const bsp::Bounds box = bsp::root_box(set);
+    nb::dict result;
+    result["is_leaf"] = to_numpy(std::move(is_leaf));
+    result["planes"] = to_numpy(std::move(planes));
+    result["above"] = to_numpy(std::move(above));
+    result["first"] = to_numpy(std::move(first));
+    result["count"] = to_numpy(std::move(count));
+    result["references"] = to_numpy(std::move(tree.references));
+    result["box"] = to_numpy(std::vector<double>{box.lower.x, box.lower.y, box.lower.z, //
+                                                 box.upper.x, box.upper.y, box.upper.z});
+    result["plane_tolerance"] = tree.plane_tolerance;
+    result["depth"] = tree.depth;
+    return result;
+}
+
 } // namespace
 
 NB_MODULE(_core, m) {
@@ -150,9 +161,10 @@ NB_MODULE(_core, m) {
     m.def("trees", &bsp::tree_names);
     m.def("faults", &bsp::fault_names);
     m.def("survey_planes", &survey_planes, "vertices"_a, "faces"_a, "tree"_a, "options"_a);
+    m.def("neutral_tree", &neutral_tree, "vertices"_a, "faces"_a, "tree"_a, "options"_a);
     m.def(
         "settings",
-        [](const std::string &tree, const std::map<std::string, std::string> &options) {
+        [](const std::string &tree, const OptionMap &options) {
             return to_dict(bsp::list_settings(bsp::make_settings(tree, to_options(options))));
         },
         "tree"_a, "options"_a);
@@ -173,10 +185,9 @@ NB_MODULE(_core, m) {
         "tree"_a);
 
     nb::class_<Tree>(m, "Accelerator")
-        .def(nb::init<const Rows3 &, const Faces &, const std::string &, const std::map<std::string, std::string> &,
-                      const std::string &, const std::string &>(),
-             "vertices"_a, "faces"_a, "tree"_a = "kd", "options"_a = std::map<std::string, std::string>(),
-             "fault"_a = "", "cache"_a = "")
+        .def(nb::init<const Rows3 &, const Faces &, const std::string &, const OptionMap &, const std::string &,
+                      const std::string &>(),
+             "vertices"_a, "faces"_a, "tree"_a = "kd", "options"_a = OptionMap(), "fault"_a = "", "cache"_a = "")
         .def("closest", &closest, "origins"_a, "directions"_a, "maxt"_a)
         .def("any", &any, "origins"_a, "directions"_a, "maxt"_a)
         .def("count", &count, "origins"_a, "directions"_a, "maxt"_a, "any_hit"_a = false)

@@ -22,25 +22,24 @@ Statistics describe(const TriangleSet &set, const Settings &settings) {
 /// Every triangle, one at a time, by the same test: the oracle. It shares nothing with the trees but `Test::intersect`.
 template <typename Test> class BruteForce final : public Accelerator {
 public:
-    BruteForce(const TriangleSet &set, Statistics statistics) {
+    BruteForce(const TriangleSet &set, Statistics statistics) : m_scale(set.scale) {
         for (const std::uint32_t id : set.valid)
             m_triangles.push_back({set.triangles[id], id});
         m_statistics = std::move(statistics);
         m_statistics.references = m_triangles.size();
         m_statistics.bytes = m_triangles.size() * sizeof m_triangles[0];
-        m_bounds = set.bounds;
+        m_bounds = set.user_bounds();
     }
 
     Hit closest(const Ray &ray) const noexcept override {
+        const auto [own, per_t] = m_scale.apply(ray);
         Hit best;
-        if (!is_usable(ray))
-            return best;
-        const Test test(ray);
+        const Test test(own);
         for (const auto &[triangle, id] : m_triangles)
             if (const auto hit = test.intersect(triangle))
-                if (hit->t >= 0 && hit->t <= ray.maxt && (hit->t < best.t || !best.found()))
+                if (hit->t >= 0 && hit->t <= own.maxt && (hit->t < best.t || !best.found()))
                     best = {hit->t, hit->u, hit->v, id};
-        return best;
+        return in_users_units(best, per_t);
     }
 
     bool any(const Ray &ray) const noexcept override { return closest(ray).found(); }
@@ -64,13 +63,7 @@ private:
         std::uint32_t id;
     };
 
-    static bool is_usable(const Ray &ray) {
-        for (unsigned k = 0; k < 3; ++k)
-            if (!std::isfinite(ray.o[k]) || !std::isfinite(ray.d[k]))
-                return false;
-        return !(ray.d == Vec3f{});
-    }
-
+    Scale m_scale;
     std::vector<Entry> m_triangles;
 };
 
@@ -110,13 +103,21 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settin
     statistics.build_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (file && !statistics.loaded)
         save(*file, *tree, statistics.warning);
-    return pack_tree<Test, Fault::none>(*tree, set, settings.layout, std::move(statistics));
+    switch (settings.precision) {
+    case Precision::fast:
+        return pack_tree<Test, Mode::fast>(*tree, set, settings, std::move(statistics));
+    case Precision::epsilon:
+        return pack_tree<Test, Mode::epsilon>(*tree, set, settings, std::move(statistics));
+    case Precision::safe:
+        break;
+    }
+    return pack_tree<Test, Mode::safe>(*tree, set, settings, std::move(statistics));
 }
 
 } // namespace
 
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
-                                              const BuildOptions &options) {
+std::unique_ptr<Accelerator> make_accelerator(TriangleSet set, const Settings &settings, const BuildOptions &options) {
+    set.rescale();
     return settings.triangle_test == TriangleTest::woop ? make<WoopTest>(set, settings, options)
                                                         : make<MtTest>(set, settings, options);
 }

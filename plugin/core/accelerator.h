@@ -18,8 +18,8 @@ struct Plane {
     float offset;
 };
 
-/// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw. A
-/// ray with a component that is not finite, or without direction, hits nothing.
+/// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw.
+/// Which rays hit nothing whatever the triangles, `Scale` says.
 class Accelerator {
 public:
     virtual ~Accelerator() = default;
@@ -48,9 +48,9 @@ struct BuildOptions {
     BuildMonitor *monitor = nullptr; ///< watches the build and may cancel it
 };
 
-/// Builds what the settings say, or loads it from the folder of saved trees if it was kept there before. The set may be
-/// destroyed afterwards. Throws std::bad_alloc, std::length_error, or BuildCancelled if the monitor says so.
-std::unique_ptr<Accelerator> make_accelerator(const TriangleSet &set, const Settings &settings,
+/// Builds what the settings say, or loads it from the folder of saved trees if it was kept there before. Throws
+/// std::bad_alloc, std::length_error, or BuildCancelled if the monitor says so.
+std::unique_ptr<Accelerator> make_accelerator(TriangleSet set, const Settings &settings,
                                               const BuildOptions &options = {});
 
 } // namespace bsp

@@ -3,12 +3,13 @@
 
 #include <atomic>
 #include <cstdint>
-#include <stdexcept>
+#include <exception>
 
 namespace bsp {
 
-struct BuildCancelled : std::runtime_error {
-    BuildCancelled() : std::runtime_error("building the tree was interrupted") {}
+/// Owns no memory, so that a build can be ended even when there is none left.
+struct BuildCancelled : std::exception {
+    const char *what() const noexcept override { return "building the tree was interrupted"; }
 };
 
 class BuildMonitor {

@@ -384,10 +384,10 @@ Tree build_tree(const TriangleSet &set, const Settings &settings, BuildMonitor *
     return tree;
 }
 
-std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings) {
+std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     const StandardFloats floats;
     PlaneSurvey survey;
-    Builder(set, settings, nullptr, &survey).build();
+    Builder(set, settings, monitor, &survey).build();
     return survey.counts();
 }
 

@@ -19,8 +19,9 @@ struct LevelPlanes {
 };
 
 /// Builds a tree and counts the planes of its exact sweeps per depth; the last entry is for the whole tree. Needs 8
-/// bytes per different plane.
-std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings);
+/// bytes per different plane. Throws as `build_tree`.
+std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings,
+                                       BuildMonitor *monitor = nullptr);
 
 /// The box every tree starts from: that of the triangles, slightly larger so that planes through its faces cut it.
 Bounds root_box(const TriangleSet &set);

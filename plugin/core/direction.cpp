@@ -17,6 +17,8 @@ Direction make_direction(const Vec3d &vector) {
     for (std::uint8_t axis = 1; axis < 3; ++axis)
         if (std::abs(vector[axis]) > std::abs(vector[major]))
             major = axis;
+    if (vector[major] == 0)
+        return {major, 0, 0};
     const double scale = 1 / vector[major];
     const double a = vector[next_axis[major]] * scale, b = vector[after_axis[major]] * scale;
     if (std::hypot(a, b) < snap_angle)

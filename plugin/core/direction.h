@@ -29,7 +29,8 @@ inline double position(const Direction &direction, const Vec3d &p) {
            double(direction.b) * p[after_axis[direction.major]];
 }
 
-/// The direction of a vector of any length but zero. Vectors within `snap_angle` of an axis become that axis.
+/// The direction of a vector of any length; some axis for zero. Vectors within `snap_angle` of an axis become that
+/// axis.
 Direction make_direction(const Vec3d &vector);
 
 /// Radians: what is nearer to an axis than this is that axis.

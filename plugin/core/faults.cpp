@@ -8,7 +8,7 @@
 namespace bsp {
 namespace {
 
-using Maker = std::unique_ptr<Accelerator> (*)(const Tree &, const TriangleSet &, LayoutKind, Statistics);
+using Maker = std::unique_ptr<Accelerator> (*)(const Tree &, const TriangleSet &, const Settings &, Statistics);
 
 struct NamedFault {
     const char *name;
@@ -16,14 +16,14 @@ struct NamedFault {
 };
 
 constexpr NamedFault faults[] = {
-    {"first_of_ties", pack_tree<WoopTest, Fault::first_of_ties>},
-    {"far_child_dropped", pack_tree<WoopTest, Fault::far_child_dropped>},
-    {"wrong_side", pack_tree<WoopTest, Fault::wrong_side>},
-    {"signed_zero", pack_tree<WoopTest, Fault::signed_zero>},
-    {"small_bound", pack_tree<WoopTest, Fault::small_bound>},
-    {"no_bound", pack_tree<WoopTest, Fault::no_bound>},
-    {"early_out", pack_tree<WoopTest, Fault::early_out>},
-    {"short_stack", pack_tree<WoopTest, Fault::short_stack>},
+    {"first_of_ties", pack_tree<WoopTest, Mode::first_of_ties>},
+    {"far_child_dropped", pack_tree<WoopTest, Mode::far_child_dropped>},
+    {"wrong_side", pack_tree<WoopTest, Mode::wrong_side>},
+    {"signed_zero", pack_tree<WoopTest, Mode::signed_zero>},
+    {"small_bound", pack_tree<WoopTest, Mode::small_bound>},
+    {"no_bound", pack_tree<WoopTest, Mode::fast>}, // what `precision=fast` does on purpose
+    {"early_out", pack_tree<WoopTest, Mode::early_out>},
+    {"short_stack", pack_tree<WoopTest, Mode::short_stack>},
 };
 
 } // namespace
@@ -35,14 +35,15 @@ std::vector<std::string> fault_names() {
     return names;
 }
 
-std::unique_ptr<Accelerator> make_faulty_accelerator(const TriangleSet &set, const Settings &settings,
+std::unique_ptr<Accelerator> make_faulty_accelerator(TriangleSet set, const Settings &settings,
                                                      const std::string &name) {
     if (settings.tree == TreeKind::brute)
         throw std::invalid_argument("brute force has no traversal to plant a fault in");
     for (const NamedFault &fault : faults)
         if (name == fault.name) {
+            set.rescale();
             const Tree tree = build_tree(set, settings);
-            return fault.make(tree, set, settings.layout, {});
+            return fault.make(tree, set, settings, {});
         }
     std::string known;
     for (const std::string &other : fault_names())

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdlib>
 #include <new>
 #include <vector>
 
@@ -19,19 +18,20 @@ template <typename T> struct LargePageAllocator {
     template <typename U> LargePageAllocator(const LargePageAllocator<U> &) {}
 
     T *allocate(std::size_t count) {
-        constexpr std::size_t page = std::size_t(1) << 21, line = 64;
-        const std::size_t size = count * sizeof(T), unit = size < page ? line : page;
-        void *const memory = std::aligned_alloc(unit, (size + unit - 1) / unit * unit);
-        if (!memory)
-            throw std::bad_alloc();
+        const std::size_t size = count * sizeof(T), unit = unit_of(count);
+        void *const memory = ::operator new((size + unit - 1) / unit * unit, std::align_val_t(unit));
         if (unit == page)
             madvise(memory, size, MADV_HUGEPAGE); // a wish: small pages do as well
         return static_cast<T *>(memory);
     }
-    void deallocate(T *memory, std::size_t) { std::free(memory); }
+    void deallocate(T *memory, std::size_t count) { ::operator delete(memory, std::align_val_t(unit_of(count))); }
 
     bool operator==(const LargePageAllocator &) const { return true; }
     bool operator!=(const LargePageAllocator &) const { return false; }
+
+private:
+    static constexpr std::size_t page = std::size_t(1) << 21, line = 64;
+    static std::size_t unit_of(std::size_t count) { return count * sizeof(T) < page ? line : page; }
 };
 
 template <typename T> using LargePageVector = std::vector<T, LargePageAllocator<T>>;

@@ -10,29 +10,29 @@
 namespace bsp {
 
 /// A layout and how it is traversed.
-template <typename Test, Splits splits, Fault fault> struct BinaryWalk {
+template <typename Test, Splits splits, Mode mode> struct BinaryWalk {
     using Layout = BinaryLayout;
     template <typename Query, typename Counting>
     static void run(const Layout &layout, const Ray &ray, Query &query, Counting counting) {
-        traverse<splits, fault, Test>(layout, ray, query, counting);
+        traverse<splits, mode, Test>(layout, ray, query, counting);
     }
 };
-template <typename Test, Fault fault> struct WideWalk {
+template <typename Test, Simd simd, Mode mode> struct WideWalk {
     using Layout = WideLayout;
     template <typename Query, typename Counting>
     static void run(const Layout &layout, const Ray &ray, Query &query, Counting counting) {
-        traverse<fault, Test>(layout, ray, query, counting);
+        WideSearch<simd>::template run<mode, Test>(layout, ray, query, counting);
     }
 };
 
 template <typename Walk> class PackedTree final : public Accelerator {
 public:
     PackedTree(typename Walk::Layout layout, const TriangleSet &set, Statistics statistics)
-        : m_layout(std::move(layout)) {
+        : m_layout(std::move(layout)), m_scale(set.scale) {
         m_statistics = std::move(statistics);
         for (const MemoryPart &part : m_layout.memory())
             m_statistics.bytes += part.size;
-        m_bounds = set.bounds;
+        m_bounds = set.user_bounds();
     }
 
     Hit closest(const Ray &ray) const noexcept override { return run<ClosestQuery>(ray, NoCounters{}); }
@@ -44,23 +44,30 @@ public:
         return run<AnyQuery>(ray, CountInto{counters});
     }
 
-    std::vector<Plane> planes() const override { return planes_of(m_layout); }
+    std::vector<Plane> planes() const override {
+        std::vector<Plane> planes = planes_of(m_layout);
+        for (Plane &plane : planes)
+            plane.offset = float(m_scale.undo(double(plane.offset)));
+        return planes;
+    }
     std::vector<MemoryPart> memory() const override { return m_layout.memory(); }
 
 private:
     template <typename Query, typename Counting> auto run(const Ray &ray, Counting counting) const noexcept {
-        Query query(ray.maxt);
-        Walk::run(m_layout, ray, query, counting);
-        return query.result();
+        const auto [own, per_t] = m_scale.apply(ray);
+        Query query(own.maxt);
+        Walk::run(m_layout, own, query, counting);
+        return in_users_units(query.result(), per_t);
     }
 
     typename Walk::Layout m_layout;
+    Scale m_scale;
 };
 
-/// Packs the tree as `kind` says and adds the time that takes to `statistics`. Throws std::length_error if the tree is
-/// too large for the layout.
-template <typename Test, Fault fault>
-std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set, LayoutKind kind,
+/// Packs the tree as the settings say and adds the time that takes to `statistics`. Throws std::length_error if the
+/// tree is too large for the layout.
+template <typename Test, Mode mode>
+std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set, const Settings &settings,
                                        Statistics statistics) {
     describe_tree(tree, statistics);
     const auto start = std::chrono::steady_clock::now();
@@ -69,18 +76,20 @@ std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set,
         statistics.build_s += statistics.phases.pack_s;
         return std::make_unique<PackedTree<decltype(walk)>>(std::move(layout), set, std::move(statistics));
     };
-    if (kind == LayoutKind::wide)
-        return finish(WideWalk<Test, fault>{}, pack_wide(tree, set));
+    if (settings.layout == LayoutKind::wide && settings.simd != Simd::avx2 && has_avx512())
+        return finish(WideWalk<Test, Simd::avx512, mode>{}, pack_wide(tree, set));
+    if (settings.layout == LayoutKind::wide)
+        return finish(WideWalk<Test, Simd::avx2, mode>{}, pack_wide(tree, set));
     BinaryLayout layout = pack_binary(tree, set);
     switch (layout.splits) {
     case Splits::axes:
-        return finish(BinaryWalk<Test, Splits::axes, fault>{}, std::move(layout));
+        return finish(BinaryWalk<Test, Splits::axes, mode>{}, std::move(layout));
     case Splits::families:
-        return finish(BinaryWalk<Test, Splits::families, fault>{}, std::move(layout));
+        return finish(BinaryWalk<Test, Splits::families, mode>{}, std::move(layout));
     case Splits::planes:
         break;
     }
-    return finish(BinaryWalk<Test, Splits::planes, fault>{}, std::move(layout));
+    return finish(BinaryWalk<Test, Splits::planes, mode>{}, std::move(layout));
 }
 
 } // namespace bsp

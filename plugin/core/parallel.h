@@ -7,22 +7,10 @@
 #include <exception>
 
 #include <nanothread/nanothread.h>
-#include <xmmintrin.h>
+
+#include "standard_floats.h"
 
 namespace bsp {
-
-/// The floating-point environment of the C++ standard while it lives: the pool's threads flush denormals to zero, and
-/// what is computed must not depend on the thread.
-class StandardFloats {
-public:
-    StandardFloats() : m_saved(_mm_getcsr()) { _mm_setcsr(0x1f80); }
-    ~StandardFloats() { _mm_setcsr(m_saved); }
-    StandardFloats(const StandardFloats &) = delete;
-    StandardFloats &operator=(const StandardFloats &) = delete;
-
-private:
-    unsigned m_saved;
-};
 
 /// Calls `body(begin, end)` for ranges of at most `grain` indices that together are 0 .. count-1.
 template <typename Body> void parallel_for(std::size_t count, std::size_t grain, const Body &body) {

@@ -9,6 +9,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "simd.h"
+
 namespace bsp {
 namespace {
 
@@ -112,6 +114,9 @@ constexpr std::array<Word<bool>, 2> flag_words{{{"true", true}, {"false", false}
 constexpr std::array<Word<AxesPolicy>, 2> always_axes_words{{{"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
 constexpr std::array<Word<LayoutKind>, 2> layout_words{{{"binary", LayoutKind::binary}, {"wide", LayoutKind::wide}}};
+constexpr std::array<Word<Simd>, 3> simd_words{{{"auto", Simd::best}, {"avx2", Simd::avx2}, {"avx512", Simd::avx512}}};
+constexpr std::array<Word<Precision>, 3> precision_words{
+    {{"fast", Precision::fast}, {"epsilon", Precision::epsilon}, {"safe", Precision::safe}}};
 constexpr std::array<Word<ObliquePrice>, 3> price_words{
     {{"constant", ObliquePrice::constant}, {"linear", ObliquePrice::linear}, {"surcharge", ObliquePrice::surcharge}}};
 
@@ -208,6 +213,14 @@ std::vector<Key> direction_keys() {
         word_key<LayoutKind>(layout_key,
                              "nodes of seven planes tested at once (wide) or of one, as in the papers (binary)",
                              For::built, layout_words, [](Settings &s) -> LayoutKind & { return s.layout; }),
+        word_key<Simd>("simd", "instructions for wide nodes, the best of this processor or these; answers are the same",
+                       For::built, simd_words, [](Settings &s) -> Simd & { return s.simd; }),
+        word_key<Precision>(
+            "precision",
+            "where a ray's interval is cut it is widened: safe, by a bound on all rounding errors, so "
+            "that no hit is lost; epsilon, by 1e-5 of the largest coordinate (up to a factor of 2) along "
+            "the ray; fast, not at all",
+            For::built, precision_words, [](Settings &s) -> Precision & { return s.precision; }),
     };
 }
 
@@ -324,6 +337,8 @@ void apply_preset(CostPreset preset, std::optional<LayoutKind> layout, Settings 
 }
 
 void check_together(const Settings &s) {
+    if (s.simd == Simd::avx512 && !has_avx512())
+        refuse("simd=avx512 is not valid here: this processor lacks AVX-512 F, VL, DQ or BW; simd is auto or avx2");
     const std::string k = "k=" + std::to_string(s.k);
     if (s.tree == TreeKind::rbsp) {
         const bool kdop = s.k == 3 || s.k == 7 || s.k == 9 || s.k == 13;

@@ -13,10 +13,22 @@ namespace bsp {
 enum class TreeKind { kd, rbsp, ize, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
+/// How a traversal allows for rounding errors where it cuts a ray's interval at a plane or at the scene's box.
+enum class Precision {
+    fast,    ///< not at all
+    epsilon, ///< by a fixed distance, 1e-5 of the largest coordinate: the historical baseline
+    safe,    ///< by a bound on all errors: the answer is that of a loop over all triangles
+};
 /// How nodes are stored and traversed.
 enum class LayoutKind {
     binary, ///< one plane a node, as in the papers
     wide,   ///< seven planes a node, tested at once
+};
+/// The instructions that wide nodes are traversed with. They decide nothing but the time it takes.
+enum class Simd {
+    best, ///< AVX-512 where the processor has it
+    avx2,
+    avx512,
 };
 /// The fixed directions of `rbsp`.
 enum class DirectionSet {
@@ -73,6 +85,8 @@ struct Settings {
     Weighting weighting = Weighting::triangle;
     TriangleTest triangle_test = TriangleTest::woop;
     LayoutKind layout = LayoutKind::wide;
+    Simd simd = Simd::best;
+    Precision precision = Precision::safe;
     CostPreset preset = CostPreset::measured;
     CostModel cost;
     int leaf_size = 1;           ///< nodes with this many triangles or fewer are not split

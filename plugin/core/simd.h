@@ -5,6 +5,14 @@
 
 namespace bsp {
 
+/// Marks a function that uses AVX-512 on eight lanes.
+#define BSP_AVX512 __attribute__((target("avx512f,avx512vl,avx512dq,avx512bw")))
+
+inline bool has_avx512() {
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+}
+
 struct Float8 {
     __m256 v;
 

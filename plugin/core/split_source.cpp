@@ -138,7 +138,8 @@ private:
         std::vector<Vec3d> normals;
         for (const std::uint32_t index : sample(node, max_samples, m_weighting, random)) {
             const Vec3d normal = normal_of(node, index);
-            normals.push_back(normal * (1 / norm(normal)));
+            if (!(normal == Vec3d{})) // as that of a triangle of the smallest numbers may come out
+                normals.push_back(normal * (1 / norm(normal)));
         }
         return normals;
     }

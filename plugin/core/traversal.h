@@ -1,4 +1,4 @@
-/// The one traversal under all trees: a template over triangle test, query, node kinds, counting and planted faults.
+/// The one traversal under all trees: a template over triangle test, query, node kinds, counting and `Mode`.
 ///
 /// The ray's interval is cut at every plane, and the cut is widened by a bound on everything that rounding can do to
 /// it, so that a leaf is visited whenever the triangle test finds one of its triangles hit. With u = 2^-24, R_k the
@@ -24,18 +24,42 @@
 
 namespace bsp {
 
-/// Mistakes that can be planted in the traversal, to show that the tests would see them.
-enum class Fault {
-    none,
+/// How the traversal meets rounding errors, as `Precision` says, or safely but for a mistake that is planted to show
+/// that the tests would see it.
+enum class Mode {
+    safe,              ///< intervals are widened by a bound on all errors
+    epsilon,           ///< by a fixed distance along the ray
+    fast,              ///< not at all: no bound is computed, none is added
     first_of_ties,     ///< equal t: the triangle found first stays
     far_child_dropped, ///< a hit before the plane, the bound forgotten, ends the search
     wrong_side,        ///< an origin in the plane visits one side only
     signed_zero,       ///< the sign of a zero direction component is ignored when children are ordered
     small_bound,       ///< a bound sixteen times too small
-    no_bound,          ///< no bound at all
     early_out,         ///< the first hit ends the search
     short_stack,       ///< the stack loses what does not fit
 };
+
+/// By what `Mode::epsilon` widens: a distance along the largest component of the ray's direction, where the scene's
+/// largest coordinate is about 1 (`Scale`). So it means the same for every scene, as an epsilon in the user's units
+/// would not.
+constexpr float fixed_epsilon = 1e-5f;
+
+/// One half of the last digit, or what `Mode::small_bound` takes for it.
+constexpr float error_unit(Mode mode) { return mode == Mode::small_bound ? 0x1p-28f : 0x1p-24f; }
+
+/// Where an interval begins that is cut at `t`, and where one ends. `Mode::fast` does not even add 0.
+template <Mode mode, typename T> T widened_begin(T t, T slack) {
+    if constexpr (mode == Mode::fast)
+        return t;
+    else
+        return t - slack;
+}
+template <Mode mode, typename T> T widened_end(T t, T slack) {
+    if constexpr (mode == Mode::fast)
+        return t;
+    else
+        return t + slack;
+}
 
 /// The closest hit within the ray's interval; equal t goes to the smaller id.
 class ClosestQuery {
@@ -46,11 +70,11 @@ public:
     float limit() const { return m_hit.t; }
     std::uint32_t known() const { return m_hit.triangle; } ///< it need not be tested again
 
-    template <Fault fault> bool offer(const TriangleHit &hit, std::uint32_t id) {
-        const bool tie = fault == Fault::first_of_ties ? !m_hit.found() : id < m_hit.triangle;
+    template <Mode mode> bool offer(const TriangleHit &hit, std::uint32_t id) {
+        const bool tie = mode == Mode::first_of_ties ? !m_hit.found() : id < m_hit.triangle;
         if (hit.t >= 0 && (hit.t < m_hit.t || (hit.t == m_hit.t && tie)))
             m_hit = {hit.t, hit.u, hit.v, id};
-        return fault == Fault::early_out && m_hit.found();
+        return mode == Mode::early_out && m_hit.found();
     }
 
     Hit result() const { return m_hit.found() ? m_hit : Hit{}; }
@@ -68,7 +92,7 @@ public:
     float limit() const { return m_maxt; }
     std::uint32_t known() const { return no_triangle; }
 
-    template <Fault> bool offer(const TriangleHit &hit, std::uint32_t) {
+    template <Mode> bool offer(const TriangleHit &hit, std::uint32_t) {
         m_found |= hit.t >= 0 && hit.t <= m_maxt;
         return m_found;
     }
@@ -89,48 +113,48 @@ struct CountInto {
     Counters &counters;
 };
 
-/// What the traversal needs to know of a ray, computed once.
-template <Fault fault> struct RayFrame {
+/// What the traversal needs to know of a ray, computed once. Rays are as `ScaledRay` has them.
+template <Mode mode> struct RayFrame {
     Vec3f o, d, inverse;
     Vec3f axis_slack;        ///< widening of t at axis planes
-    float oblique_slack = 0; ///< widening at oblique planes, times |n.d|
+    float oblique_slack = 0; ///< widening at oblique planes: times |n.d|, but of t for `Mode::epsilon`
     float smallest =
         0; ///< components of d and values n.d nearer to 0 count as this, which moves no point by more than 2^-40 R
-    float entry = 0, exit = -1; ///< where the ray is inside the scene's box, widened
+    float entry, exit; ///< where the ray is inside the scene's box, widened
 
     RayFrame(const Ray &ray, const Box &box, float plane_tolerance) : o(ray.o), d(ray.d) {
-        constexpr float unit = (fault == Fault::no_bound ? 0.f : fault == Fault::small_bound ? 0x1p-28f : 0x1p-24f);
+        constexpr float unit = error_unit(mode);
         const float largest = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
         Vec3f reach;
         for (unsigned k = 0; k < 3; ++k)
             reach[k] = std::max(std::abs(box.lower[k] - o[k]), std::abs(box.upper[k] - o[k]));
         const float sum = reach.x + reach.y + reach.z, farthest = std::max({reach.x, reach.y, reach.z});
-        // Not a number or infinite somewhere, or no direction: `exit` stays below `entry`, a miss.
-        if (!(sum < HUGE_VALF && largest > 0 && largest < HUGE_VALF))
-            return;
         smallest = largest * 0x1p-40f;
-        oblique_slack =
-            unit * (3 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 7 * sum + 24 * farthest) + plane_tolerance;
+        oblique_slack = mode == Mode::epsilon
+                            ? fixed_epsilon / largest
+                            : unit * (3 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 7 * sum + 24 * farthest) +
+                                  plane_tolerance;
         entry = 0;
         exit = ray.maxt;
         for (unsigned k = 0; k < 3; ++k) {
             inverse[k] = 1 / away_from_zero(d[k]);
-            axis_slack[k] = unit * (4 * reach[k] + 8 * farthest) * std::abs(inverse[k]);
+            axis_slack[k] =
+                mode == Mode::epsilon ? oblique_slack : unit * (4 * reach[k] + 8 * farthest) * std::abs(inverse[k]);
             const float t0 = (box.lower[k] - o[k]) * inverse[k], t1 = (box.upper[k] - o[k]) * inverse[k];
-            entry = std::max(entry, std::min(t0, t1) - axis_slack[k]);
-            exit = std::min(exit, std::max(t0, t1) + axis_slack[k]);
+            entry = std::max(entry, widened_begin<mode>(std::min(t0, t1), axis_slack[k]));
+            exit = std::min(exit, widened_end<mode>(std::max(t0, t1), axis_slack[k]));
         }
     }
 
     float away_from_zero(float x) const {
         if (std::abs(x) >= smallest)
             return x;
-        return fault == Fault::signed_zero ? smallest : std::copysign(smallest, x);
+        return mode == Mode::signed_zero ? smallest : std::copysign(smallest, x);
     }
 };
 
 /// Offers the triangles of blocks to the query; true if the search is over.
-template <Fault fault, typename Test, typename Query, typename Counting>
+template <Mode mode, typename Test, typename Query, typename Counting>
 bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &test, Query &query, Counting counting) {
     if constexpr (Counting::counts) {
         ++counting.counters.leaves;
@@ -141,7 +165,7 @@ bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &t
         for (unsigned lanes = test.candidates(*block, query.limit(), query.known()); lanes != 0; lanes &= lanes - 1) {
             const unsigned lane = unsigned(__builtin_ctz(lanes));
             if (const auto hit = test.intersect(TriangleBlock::Lane{*block, lane}))
-                if (query.template offer<fault>(*hit, block->ids[lane]))
+                if (query.template offer<mode>(*hit, block->ids[lane]))
                     return true;
         }
     return false;
@@ -152,27 +176,28 @@ struct Approach {
     float start, inverse, slack;
     bool downward; ///< the ray goes from above to below
 
-    template <Fault fault> static Approach along_axis(const RayFrame<fault> &frame, unsigned k) {
-        const bool downward = std::signbit(fault == Fault::signed_zero ? frame.d[k] : frame.inverse[k]);
+    template <Mode mode> static Approach along_axis(const RayFrame<mode> &frame, unsigned k) {
+        const bool downward = std::signbit(mode == Mode::signed_zero ? frame.d[k] : frame.inverse[k]);
         return {frame.o[k], frame.inverse[k], frame.axis_slack[k], downward};
     }
 
-    template <Fault fault> static Approach along(const RayFrame<fault> &frame, unsigned k, float a, float b) {
+    template <Mode mode> static Approach along(const RayFrame<mode> &frame, unsigned k, float a, float b) {
         const unsigned i = next_axis[k], j = after_axis[k];
         const float speed = frame.away_from_zero(fmadd(b, frame.d[j], fmadd(a, frame.d[i], frame.d[k])));
         const float inverse = 1 / speed;
         return {fmadd(b, frame.o[j], fmadd(a, frame.o[i], frame.o[k])), inverse,
-                frame.oblique_slack * std::abs(inverse), std::signbit(speed)};
+                mode == Mode::epsilon ? frame.oblique_slack : frame.oblique_slack * std::abs(inverse),
+                std::signbit(speed)};
     }
 };
 
 /// What a ray knows of a layout's families of planes. Elsewhere there are none.
 template <Splits splits> struct FamilyTable {
-    template <Fault fault> FamilyTable(const RayFrame<fault> &, const BinaryLayout &) {}
+    template <Mode mode> FamilyTable(const RayFrame<mode> &, const BinaryLayout &) {}
     Approach operator[](unsigned) const { return {}; }
 };
 template <> struct FamilyTable<Splits::families> {
-    template <Fault fault> FamilyTable(const RayFrame<fault> &frame, const BinaryLayout &layout) {
+    template <Mode mode> FamilyTable(const RayFrame<mode> &frame, const BinaryLayout &layout) {
         Approach *approach = m_approaches;
         for (const Direction &direction : layout.families)
             *approach++ = Approach::along(frame, direction.major, direction.a, direction.b);
@@ -183,11 +208,11 @@ private:
     Approach m_approaches[NodeWord::max_families];
 };
 
-template <Splits splits, Fault fault, typename Test, typename Query, typename Counting>
+template <Splits splits, Mode mode, typename Test, typename Query, typename Counting>
 void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting counting) {
     if constexpr (Counting::counts)
         ++counting.counters.rays;
-    const RayFrame<fault> frame(ray, layout.box, layout.plane_tolerance);
+    const RayFrame<mode> frame(ray, layout.box, layout.plane_tolerance);
     float entry = frame.entry, exit = frame.exit;
     if (!(entry <= exit))
         return;
@@ -198,7 +223,7 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
         std::uint32_t word;
         float entry, exit;
     };
-    constexpr int stack_size = fault == Fault::short_stack ? 4 : depth_limit + 2;
+    constexpr int stack_size = mode == Mode::short_stack ? 4 : depth_limit + 2;
     Pending stack[stack_size];
     int pending = 0;
 
@@ -220,25 +245,25 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
                 const NodeWord slopes = words[below++];
                 approach = Approach::along(frame, word.axis(), slopes.a(), slopes.b());
             }
-            const float t = (word.offset() - approach.start) * approach.inverse, slack = approach.slack;
+            const float t = (word.offset() - approach.start) * approach.inverse;
+            const float begin = widened_begin<mode>(t, approach.slack), end = widened_end<mode>(t, approach.slack);
             const std::uint32_t first = approach.downward ? word.index() : below,
                                 second = approach.downward ? below : word.index();
-            if (t + slack < entry || (fault == Fault::wrong_side && t <= entry)) {
+            if (end < entry || (mode == Mode::wrong_side && t <= entry)) {
                 at = second;
-            } else if (t - slack > exit) {
+            } else if (begin > exit) {
                 at = first;
             } else {
-                if (fault != Fault::short_stack || pending < stack_size)
-                    stack[pending++] = {second, std::max(entry, fault == Fault::far_child_dropped ? t : t - slack),
-                                        exit};
+                if (mode != Mode::short_stack || pending < stack_size)
+                    stack[pending++] = {second, std::max(entry, mode == Mode::far_child_dropped ? t : begin), exit};
                 at = first;
-                exit = std::min(exit, t + slack);
+                exit = std::min(exit, end);
             }
             continue;
         }
         if (const std::uint32_t count = word.triangle_count()) {
             const std::uint32_t blocks = (count + TriangleBlock::width - 1) / TriangleBlock::width;
-            if (visit_blocks<fault>(layout.blocks.data() + word.index(), blocks, test, query, counting))
+            if (visit_blocks<mode>(layout.blocks.data() + word.index(), blocks, test, query, counting))
                 return;
         }
         do {
@@ -248,7 +273,7 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
             at = stack[pending].word;
             entry = stack[pending].entry;
             exit = std::min(stack[pending].exit, query.limit());
-        } while (fault == Fault::far_child_dropped ? entry >= query.limit() : entry > query.limit());
+        } while (mode == Mode::far_child_dropped ? entry >= query.limit() : entry > query.limit());
     }
 }
 

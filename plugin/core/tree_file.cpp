@@ -88,6 +88,8 @@ std::uint64_t key_of(const TriangleSet &set, const Settings &settings) {
     Settings shaping = settings;
     shaping.triangle_test = TriangleTest{}; // these decide nothing about the tree
     shaping.layout = LayoutKind{};
+    shaping.simd = Simd{};
+    shaping.precision = Precision{};
     const std::string text = BSP_CORE_SOURCES + full_spec(shaping);
     Hash hash;
     hash.add(text.data(), text.size());

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "scale.h"
 #include "vec.h"
 
 namespace bsp {
@@ -29,11 +30,17 @@ struct TriangleSet {
     std::vector<Triangle> triangles;
     std::vector<std::uint32_t> valid; ///< ids of the usable triangles, ascending
     Bounds bounds;                    ///< of the usable triangles
+    Scale scale;                      ///< of all coordinates here, bounds included, against the user's
 
     /// Appends `face_count` triangles. `vertices` holds 3 floats per vertex, `faces` 3 indices per triangle.
     /// Throws std::out_of_range, naming triangle, index and vertex count, if an index has no vertex, and
     /// std::length_error if there would be more than 2^31 triangles. Nothing is added if it throws.
     void add(const float *vertices, std::size_t vertex_count, const std::uint32_t *faces, std::size_t face_count);
+
+    /// Brings coordinates near 1. To be called at most once, when all triangles have been added. A coordinate whose
+    /// counterpart is no normal float, being 2^126 times smaller than the largest, may lose digits.
+    void rescale();
+    Bounds user_bounds() const; ///< in the user's units
 
     std::size_t dropped() const { return triangles.size() - valid.size(); }
 };

@@ -1,7 +1,7 @@
 /// The traversal of wide nodes. One pass computes where the ray meets all seven planes of a node; then the eight lanes
 /// become its eight cells in the order in which the ray passes them, near to far, and each cuts the ray's interval by
-/// the three planes on its path. Cells do not overlap, so the order is right and the first hit in it ends most
-/// searches.
+/// the three planes on its path. The search is in wide_search.h. Cells do not overlap, so the order is right and the
+/// first hit in it ends most searches.
 #pragma once
 
 #include "traversal.h"
@@ -60,51 +60,50 @@ inline __m256i load_lanes(const std::uint8_t *lanes) {
 /// offset is multiplied by 1/d_k before the origin is subtracted, which adds 3 u |o_k / d_k|; at oblique planes the
 /// bound is added to the distance, before the division, which adds u R; and sums over the axes are replaced by three
 /// times the largest term, which is no less.
-template <Fault fault> struct WideRay {
-    Float8 inverse, low, high;  ///< an axis plane is met between offset * inverse + low and offset * inverse + high
-    Float8 d[3], o[3];          ///< component 0 is that along the major axis, 1 and 2 those along the next two
-    Float8 slack;               ///< at oblique planes
-    float entry = 0, exit = -1; ///< where the ray is inside the scene's box, widened
+template <Mode mode> struct WideRay {
+    Float8 inverse, low, high; ///< an axis plane is met between offset * inverse + low and offset * inverse + high
+    Float8 d[3], o[3];         ///< component 0 is that along the major axis, 1 and 2 those along the next two
+    Float8 slack;              ///< at oblique planes; of t for `Mode::epsilon`
+    float entry, exit;         ///< where the ray is inside the scene's box, widened
 
     [[gnu::always_inline]] WideRay(const Ray &ray, const WideBox &box, float plane_tolerance) {
-        constexpr float unit = fault == Fault::no_bound ? 0.f : fault == Fault::small_bound ? 0x1p-28f : 0x1p-24f;
+        constexpr float unit = error_unit(mode);
         const __m128 origin = _mm_setr_ps(ray.o.x, ray.o.y, ray.o.z, 0),
                      direction = _mm_setr_ps(ray.d.x, ray.d.y, ray.d.z, 0);
-        const __m128 sign = _mm_set1_ps(-0.0f), infinity = _mm_set1_ps(HUGE_VALF);
+        const __m128 sign = _mm_set1_ps(-0.0f);
         const __m128 size = _mm_andnot_ps(sign, direction), largest = largest_of(size);
         const __m128 lower = _mm_sub_ps(_mm_load_ps(box.lower), origin),
                      upper = _mm_sub_ps(_mm_load_ps(box.upper), origin);
         const __m128 reach = _mm_max_ps(_mm_andnot_ps(sign, lower), _mm_andnot_ps(sign, upper));
-        const __m128 finite = _mm_and_ps(_mm_cmplt_ps(reach, infinity), _mm_cmplt_ps(size, infinity));
-        // Not a number or infinite somewhere, or no direction: `exit` stays below `entry`, a miss.
-        if (_mm_movemask_ps(finite) != 15 || !(_mm_cvtss_f32(largest) > 0))
-            return;
         const __m128 far_origin = _mm_andnot_ps(sign, origin);
         const __m128 bound = largest_of(
             _mm_add_ps(_mm_mul_ps(_mm_set1_ps(9 * unit), far_origin), _mm_mul_ps(_mm_set1_ps(93 * unit), reach)));
-        slack = Float8{_mm256_set_m128(bound, bound)} + Float8::all(plane_tolerance);
+        const __m128 epsilon = _mm_div_ps(_mm_set1_ps(fixed_epsilon), largest);
+        slack = mode == Mode::epsilon ? twice(epsilon) : twice(bound) + Float8::all(plane_tolerance);
 
         // Components nearer to 0 than this count as this, which moves no point by more than 2^-40 of the reach.
         const __m128 smallest = _mm_mul_ps(largest, _mm_set1_ps(0x1p-40f));
-        const __m128 kept_sign = fault == Fault::signed_zero ? _mm_setzero_ps() : _mm_and_ps(direction, sign);
+        const __m128 kept_sign = mode == Mode::signed_zero ? _mm_setzero_ps() : _mm_and_ps(direction, sign);
         const __m128 speed = _mm_blendv_ps(direction, _mm_or_ps(smallest, kept_sign), _mm_cmplt_ps(size, smallest));
         const __m128 per_speed = _mm_div_ps(_mm_set1_ps(1), speed), per_size = _mm_andnot_ps(sign, per_speed);
         const __m128 axis_slack =
-            _mm_mul_ps(_mm_add_ps(_mm_mul_ps(_mm_set1_ps(3 * unit), far_origin),
-                                  _mm_add_ps(_mm_mul_ps(_mm_set1_ps(4 * unit), reach),
-                                             _mm_mul_ps(_mm_set1_ps(8 * unit), largest_of(reach)))),
-                       per_size);
+            mode == Mode::epsilon
+                ? epsilon
+                : _mm_mul_ps(_mm_add_ps(_mm_mul_ps(_mm_set1_ps(3 * unit), far_origin),
+                                        _mm_add_ps(_mm_mul_ps(_mm_set1_ps(4 * unit), reach),
+                                                   _mm_mul_ps(_mm_set1_ps(8 * unit), largest_of(reach)))),
+                             per_size);
         const __m128 t0 = _mm_mul_ps(lower, per_speed), t1 = _mm_mul_ps(upper, per_speed);
-        const __m128 begin = _mm_sub_ps(_mm_min_ps(t0, t1), axis_slack),
-                     end = _mm_add_ps(_mm_max_ps(t0, t1), axis_slack);
+        const __m128 begin = widened_begin<mode>(_mm_min_ps(t0, t1), axis_slack),
+                     end = widened_end<mode>(_mm_max_ps(t0, t1), axis_slack);
         entry = std::max(0.f, _mm_cvtss_f32(largest_of(begin)));
         exit = std::min(ray.maxt, -_mm_cvtss_f32(largest_of(_mm_xor_ps(end, sign))));
 
         const __m128 start = _mm_xor_ps(_mm_mul_ps(origin, per_speed), sign), zero = _mm_setzero_ps();
         inverse = lanes(per_speed);
-        low = lanes(
-            _mm_sub_ps(start, fault == Fault::far_child_dropped || fault == Fault::wrong_side ? zero : axis_slack));
-        high = lanes(_mm_add_ps(start, fault == Fault::wrong_side ? zero : axis_slack));
+        low = lanes(widened_begin<mode>(
+            start, mode == Mode::far_child_dropped || mode == Mode::wrong_side ? zero : axis_slack));
+        high = lanes(widened_end<mode>(start, mode == Mode::wrong_side ? zero : axis_slack));
         d[0] = lanes(direction);
         d[1] = lanes(_mm_permute_ps(direction, 0b11001001));
         d[2] = lanes(_mm_permute_ps(direction, 0b11010010));
@@ -115,6 +114,7 @@ template <Fault fault> struct WideRay {
 
 private:
     static Float8 lanes(__m128 x) { return {_mm256_castps128_ps256(x)}; }
+    static Float8 twice(__m128 x) { return {_mm256_set_m128(x, x)}; }
     /// Of the first three lanes, in all four.
     static __m128 largest_of(__m128 x) {
         return _mm_max_ps(_mm_max_ps(_mm_permute_ps(x, 0), _mm_permute_ps(x, 0b01010101)),
@@ -128,28 +128,32 @@ struct WideMeet {
     unsigned downward;
 
     /// All planes lie along the axes.
-    template <Fault fault>
-    [[gnu::always_inline]] static WideMeet axes(const WideNode &node, const WideRay<fault> &ray) {
+    template <Mode mode> [[gnu::always_inline]] static WideMeet axes(const WideNode &node, const WideRay<mode> &ray) {
         const __m256i axis = major_axes(node);
         const Float8 inverse = ray.inverse[axis], offsets = Float8::load(node.offsets);
-        return {fmadd(offsets, inverse, ray.low[axis]), fmadd(offsets, inverse, ray.high[axis]),
-                (fault == Fault::signed_zero ? ray.d[0][axis] : inverse).bits()};
+        const unsigned downward = (mode == Mode::signed_zero ? ray.d[0][axis] : inverse).bits();
+        const Float8 low = fmadd(offsets, inverse, ray.low[axis]);
+        return {low, mode == Mode::fast ? low : fmadd(offsets, inverse, ray.high[axis]), downward};
     }
 
-    template <Fault fault>
+    template <Mode mode>
     [[gnu::always_inline]] static WideMeet any(const WideNode &node, const WideSlopes &slopes,
-                                               const WideRay<fault> &ray) {
+                                               const WideRay<mode> &ray) {
         const __m256i axis = major_axes(node);
         const Float8 a = Float8::load(slopes.a), b = Float8::load(slopes.b);
         const Float8 speed = fmadd(b, ray.d[2][axis], fmadd(a, ray.d[1][axis], ray.d[0][axis]));
         const Float8 inverse = Float8::all(1) / speed;
         const Float8 distance =
             Float8::load(node.offsets) - fmadd(b, ray.o[2][axis], fmadd(a, ray.o[1][axis], ray.o[0][axis]));
-        const Float8 slack{_mm256_xor_ps(ray.slack.v, _mm256_and_ps(speed.v, _mm256_set1_ps(-0.0f)))};
         // Where the ray runs along a plane the inverse is infinite, and so are these, or not a number.
-        const bool no_low = fault == Fault::far_child_dropped || fault == Fault::wrong_side;
+        if constexpr (mode == Mode::fast || mode == Mode::epsilon) {
+            const Float8 t = distance * inverse;
+            return {widened_begin<mode>(t, ray.slack), widened_end<mode>(t, ray.slack), speed.bits()};
+        }
+        const Float8 slack{_mm256_xor_ps(ray.slack.v, _mm256_and_ps(speed.v, _mm256_set1_ps(-0.0f)))};
+        const bool no_low = mode == Mode::far_child_dropped || mode == Mode::wrong_side;
         return {(no_low ? distance : distance - slack) * inverse,
-                (fault == Fault::wrong_side ? distance : distance + slack) * inverse, speed.bits()};
+                (mode == Mode::wrong_side ? distance : distance + slack) * inverse, speed.bits()};
     }
 
 private:
@@ -164,33 +168,81 @@ struct WideCut {
     Float8 begin, end;
     __m256i children;
     unsigned lanes;
+};
 
-    [[gnu::always_inline]] WideCut(const WideNode &node, const WideMeet &meet, float from, float to) {
-        const unsigned downward = meet.downward & (WideOrder::sign_count - 1);
-        children = _mm256_permutevar8x32_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(node.children)),
-                                               load_lanes(wide_order.cells[downward]));
-        const __m256i first = _mm256_setzero_si256(), second = load(wide_order.second[downward & 7]),
-                      third = load(wide_order.third[downward & 7]);
-        begin = max(begins<0x0f>(first, meet.low), Float8::all(from));
-        end = min(ends<0x0f>(first, meet.high), Float8::all(to));
-        begin = max(begins<0x55>(third, meet.low), max(begins<0x33>(second, meet.low), begin));
-        end = min(ends<0x55>(third, meet.high), min(ends<0x33>(second, meet.high), end));
-        const __m256i empty = _mm256_cmpeq_epi32(_mm256_slli_epi32(children, 32 - WideChild::axis_shift), first);
-        lanes = unsigned(_mm256_movemask_ps(_mm256_andnot_ps(_mm256_castsi256_ps(empty), (begin <= end).v)));
+/// What instruction sets do in their own way: cutting the interval, and moving lanes together. The bits are the same.
+template <Simd simd> struct WideLanes;
+
+/// The traversal with one instruction set.
+template <Simd simd> struct WideSearch;
+
+/// The planes of the second and of the third level in each lane, and the child that is there.
+struct WidePaths {
+    __m256i second, third, children;
+
+    [[gnu::always_inline]] WidePaths(const WideNode &node, unsigned downward) {
+        downward &= WideOrder::sign_count - 1;
+        children = _mm256_permutevar8x32_epi32(load(node.children), load_lanes(wide_order.cells[downward]));
+        second = load(wide_order.second[downward & 7]);
+        third = load(wide_order.third[downward & 7]);
     }
 
 private:
-    static __m256i load(const std::int32_t *lanes) {
+    template <typename T> static __m256i load(const T *lanes) {
         return _mm256_load_si256(reinterpret_cast<const __m256i *>(lanes));
     }
+};
 
+template <> struct WideLanes<Simd::avx2> {
+    [[gnu::always_inline]] static WideCut cut(const WideNode &node, const WideMeet &meet, float from, float to) {
+        const WidePaths paths(node, meet.downward);
+        const __m256i first = _mm256_setzero_si256();
+        Float8 begin = max(begins<0x0f>(first, meet.low), Float8::all(from));
+        Float8 end = min(ends<0x0f>(first, meet.high), Float8::all(to));
+        begin = max(begins<0x55>(paths.third, meet.low), max(begins<0x33>(paths.second, meet.low), begin));
+        end = min(ends<0x55>(paths.third, meet.high), min(ends<0x33>(paths.second, meet.high), end));
+        const __m256i empty = _mm256_cmpeq_epi32(_mm256_slli_epi32(paths.children, 32 - WideChild::axis_shift), first);
+        const unsigned lanes =
+            unsigned(_mm256_movemask_ps(_mm256_andnot_ps(_mm256_castsi256_ps(empty), (begin <= end).v)));
+        return {begin, end, paths.children, lanes};
+    }
+
+    /// The lanes of `set` moved together, in their order; anything behind them.
+    [[gnu::always_inline]] static Float8 together(Float8 x, unsigned set) {
+        return x[load_lanes(lane_compaction.sources[set])];
+    }
+
+private:
     /// One level: lanes in `far` begin where the ray meets their plane, the others end there. What is not a number is
     /// dropped by max and min, being their first operand.
-    template <int far> static Float8 begins(__m256i planes, Float8 low) {
+    template <int far> [[gnu::always_inline]] static Float8 begins(__m256i planes, Float8 low) {
         return {_mm256_blend_ps(_mm256_set1_ps(-HUGE_VALF), low[planes].v, far)};
     }
-    template <int far> static Float8 ends(__m256i planes, Float8 high) {
+    template <int far> [[gnu::always_inline]] static Float8 ends(__m256i planes, Float8 high) {
         return {_mm256_blend_ps(high[planes].v, _mm256_set1_ps(HUGE_VALF), far)};
+    }
+};
+
+/// With masks instead of blended infinities, and the instruction that moves lanes together.
+template <> struct WideLanes<Simd::avx512> {
+    [[gnu::always_inline]] BSP_AVX512 static WideCut cut(const WideNode &node, const WideMeet &meet, float from,
+                                                         float to) {
+        const WidePaths paths(node, meet.downward);
+        const __m256 low = meet.low.v, high = meet.high.v;
+        __m256 begin = _mm256_set1_ps(from), end = _mm256_set1_ps(to);
+        begin = _mm256_mask_max_ps(begin, 0x0f, _mm256_broadcastss_ps(_mm256_castps256_ps128(low)), begin);
+        end = _mm256_mask_min_ps(end, 0xf0, _mm256_broadcastss_ps(_mm256_castps256_ps128(high)), end);
+        begin = _mm256_mask_max_ps(begin, 0x33, _mm256_permutexvar_ps(paths.second, low), begin);
+        end = _mm256_mask_min_ps(end, 0xcc, _mm256_permutexvar_ps(paths.second, high), end);
+        begin = _mm256_mask_max_ps(begin, 0x55, _mm256_permutexvar_ps(paths.third, low), begin);
+        end = _mm256_mask_min_ps(end, 0xaa, _mm256_permutexvar_ps(paths.third, high), end);
+        const __mmask8 full =
+            _mm256_test_epi32_mask(paths.children, _mm256_set1_epi32((1 << WideChild::axis_shift) - 1));
+        return {{begin}, {end}, paths.children, _mm256_mask_cmp_ps_mask(full, begin, end, _CMP_LE_OQ)};
+    }
+
+    [[gnu::always_inline]] BSP_AVX512 static Float8 together(Float8 x, unsigned set) {
+        return {_mm256_maskz_compress_ps(__mmask8(set), x.v)};
     }
 };
 
@@ -200,29 +252,18 @@ struct WideCell {
     float begin, end;
 };
 
-/// Cells that wait, the nearest on top.
+/// Cells that wait; of one node, the nearest on top.
 template <int size> class WideStack {
 public:
     bool empty() const { return m_count == 0; }
+    bool has_room() const { return m_count + 7 <= size; }
 
-    /// Takes the cells of `cut` but the nearest, which it returns; there must be one.
-    [[gnu::always_inline]] WideCell push(const WideCut &cut) {
-        alignas(32) std::uint32_t children[8];
-        alignas(32) float begins[8], ends[8];
-        _mm256_store_si256(reinterpret_cast<__m256i *>(children), cut.children);
-        _mm256_store_ps(begins, cut.begin.v);
-        _mm256_store_ps(ends, cut.end.v);
-        const unsigned nearest = 31 - unsigned(__builtin_clz(cut.lanes));
-        const unsigned others = cut.lanes ^ 1u << nearest;
-        if (m_count + 7 <= size) {
-            const __m256i from = load_lanes(lane_compaction.sources[others]);
-            _mm256_storeu_si256(reinterpret_cast<__m256i *>(m_children + m_count),
-                                _mm256_permutevar8x32_epi32(cut.children, from));
-            _mm256_storeu_ps(m_begins + m_count, cut.begin[from].v);
-            _mm256_storeu_ps(m_ends + m_count, cut.end[from].v);
-            m_count += __builtin_popcount(others);
-        }
-        return {WideChild::in(children[nearest]), begins[nearest], ends[nearest]};
+    /// Takes the first `count` lanes.
+    [[gnu::always_inline]] void push(__m256i children, Float8 begins, Float8 ends, int count) {
+        _mm256_storeu_si256(reinterpret_cast<__m256i *>(m_children + m_count), children);
+        _mm256_storeu_ps(m_begins + m_count, begins.v);
+        _mm256_storeu_ps(m_ends + m_count, ends.v);
+        m_count += count;
     }
 
     [[gnu::always_inline]] WideCell pop() {
@@ -236,43 +277,16 @@ private:
     int m_count = 0;
 };
 
-template <Fault fault, typename Test, typename Query, typename Counting>
-void traverse(const WideLayout &layout, const Ray &ray, Query &query, Counting counting) {
-    if constexpr (Counting::counts)
-        ++counting.counters.rays;
-    const WideRay<fault> wide(ray, layout.box, layout.plane_tolerance);
-    if (!(wide.entry <= wide.exit))
-        return;
-    const Test test(ray);
-
-    // At most seven wait at each of the levels, and large leaves add some.
-    WideStack<fault == Fault::short_stack ? 8 : 7 * (depth_limit / 3 + 16)> stack;
-    WideCell cell{layout.root, wide.entry, wide.exit};
-    for (;;) {
-        if (!cell.child.is_leaf()) {
-            const WideLine *const line = layout.lines.data() + cell.child.index();
-            const bool is_oblique = cell.child.is_oblique();
-            if constexpr (Counting::counts)
-                ++(is_oblique ? counting.counters.oblique_steps : counting.counters.axis_steps);
-            const WideMeet meet =
-                is_oblique ? WideMeet::any(line->node, line[1].slopes, wide) : WideMeet::axes(line->node, wide);
-            const WideCut cut(line->node, meet, cell.begin, cell.end);
-            if (cut.lanes != 0) {
-                cell = stack.push(cut);
-                continue;
-            }
-        } else if (visit_blocks<fault>(layout.blocks.data() + cell.child.index(), cell.child.block_count(), test, query,
-                                       counting)) {
-            return;
-        }
-        do {
-            if (stack.empty())
-                return;
-            cell = stack.pop();
-        } while (!Query::is_any && cell.begin > query.limit());
-        if (!Query::is_any)
-            cell.end = std::min(cell.end, query.limit());
-    }
-}
-
 } // namespace bsp
+
+// The search itself, once for each instruction set: a function only inlines what asks for no more than itself.
+#define BSP_SIMD Simd::avx2
+#define BSP_TARGET
+#include "wide_search.h"
+#undef BSP_SIMD
+#undef BSP_TARGET
+#define BSP_SIMD Simd::avx512
+#define BSP_TARGET BSP_AVX512
+#include "wide_search.h"
+#undef BSP_SIMD
+#undef BSP_TARGET

@@ -94,10 +94,11 @@ protected:
                 Throw("child %s: %s", child_name(i), e.what());
             }
         }
+        const size_t given = set.triangles.size();
         if (m_replay.empty())
-            m_tree = build_tree(set);
+            m_tree = build_tree(std::move(set));
         else
-            m_tree = std::make_unique<RecordedAnswers>(m_replay, set.triangles.size());
+            m_tree = std::make_unique<RecordedAnswers>(m_replay, given);
         m_starts = std::move(starts);
 
         const bsp::Statistics &s = m_tree->statistics();
@@ -105,7 +106,7 @@ protected:
             Log(Warn, "%s", s.warning);
         if (s.dropped_triangles > 0)
             Log(Warn, "%d of %d triangles have no area or a vertex that is not finite: they are left out",
-                s.dropped_triangles, set.triangles.size());
+                s.dropped_triangles, given);
         Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %s in %.3f s", s.spec, s.triangles, s.nodes,
             s.references, s.loaded ? "loaded" : "built", s.build_s);
     }
@@ -129,12 +130,12 @@ private:
     }
 
     /// On another thread, so that this one can show how far it is.
-    std::unique_ptr<bsp::Accelerator> build_tree(const bsp::TriangleSet &set) const {
+    std::unique_ptr<bsp::Accelerator> build_tree(bsp::TriangleSet set) const {
         using namespace std::chrono_literals;
         bsp::BuildMonitor monitor;
         const InterruptWatch watch(monitor);
-        auto building =
-            std::async(std::launch::async, [&] { return bsp::make_accelerator(set, m_settings, {m_cache, &monitor}); });
+        auto building = std::async(
+            std::launch::async, [&] { return bsp::make_accelerator(std::move(set), m_settings, {m_cache, &monitor}); });
         if (building.wait_for(1s) != std::future_status::ready) {
             ProgressReporter progress("Building the tree");
             while (building.wait_for(100ms) != std::future_status::ready)

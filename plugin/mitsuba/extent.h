@@ -19,7 +19,11 @@ struct Extent {
     size_t others = 0; ///< triangles with a vertex that is not finite
 };
 
-/// Throws if a triangle refers to a vertex that does not exist; `name` is how the message calls the mesh.
+/// Embree drops a shape that reaches beyond 1.844e18 without a word. The margin of `padded` is a 500th of this at most.
+constexpr float largest_extent = 1.8e18f;
+
+/// Throws if a triangle refers to a vertex that does not exist, or reaches too far for Embree; `name` is how the
+/// message calls the mesh.
 inline Extent measure_triangles(const ShapeIR &ir, const std::string &name) {
     const float *vertices = static_cast<const float *>(ir.vertex_ptr);
     const uint32_t *faces = static_cast<const uint32_t *>(ir.index_ptr);
@@ -40,6 +44,11 @@ inline Extent measure_triangles(const ShapeIR &ir, const std::string &name) {
             extent.box.expand(triangle);
         extent.others += !finite;
     }
+    if (extent.box.valid() && !dr::all((extent.box.min >= -largest_extent) & (extent.box.max <= largest_extent)))
+        Throw(
+            "%s extends from %s to %s, but Embree, which hands us the rays, drops shapes that reach beyond %g without "
+            "a word: scale the scene down",
+            name, extent.box.min, extent.box.max, largest_extent);
     return extent;
 }
 
@@ -55,9 +64,8 @@ inline Box3f padded(Box3f box, const Box3f &all) {
     const float largest = std::max(dr::max(dr::abs(all.min)), dr::max(dr::abs(all.max)));
     const float reach = largest + 1000 * dr::max(all.extents());
     const float margin = 16 * 0x1p-24f * reach;
-    const float limit = 1.8e18f; // Embree drops a shape that reaches beyond 1.844e18 without a word
-    box.min = dr::clip(box.min - margin, -limit, limit);
-    box.max = dr::clip(box.max + margin, -limit, limit);
+    box.min -= margin;
+    box.max += margin;
     return box;
 }
 

@@ -114,10 +114,16 @@ def load_dict(
 ) -> mi.Scene:
     """Like `load_file`, for a scene given as a dictionary, which may hold objects made before."""
     checked = parse_spec(spec)
+    return _finish(open_dict(dict, parallel, optimize), checked, cache)
+
+
+def open_dict(
+    dict: Mapping[str, object], parallel: bool = True, optimize: bool = True, edit: Edit | None = None
+) -> LoadedScene:
+    """Make the objects of a scene given as a dictionary; `edit` may change the parsed scene first."""
     with _file_resolver(None):
         config = _config(parallel, optimize)
-        loaded = _load(config, mi.parser.parse_dict(config, dict), dict, None)
-    return _finish(loaded, checked, cache)
+        return _load(config, mi.parser.parse_dict(config, dict), dict, edit)
 
 
 def open_file(

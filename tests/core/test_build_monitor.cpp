@@ -107,6 +107,7 @@ TEST(BuildMonitor, WhatIsCancelledBeforeItBeginsIsNotBuiltAndNotKept) {
         BuildMonitor monitor;
         monitor.cancel();
         EXPECT_THROW(make_accelerator(set, make_settings(name, {}), {folder.string(), &monitor}), BuildCancelled);
+        EXPECT_THROW(survey_planes(set, make_settings(name, {}), &monitor), BuildCancelled);
         EXPECT_EQ(monitor.progress(), 0);
     }
     EXPECT_TRUE(!std::filesystem::exists(folder) || std::filesystem::is_empty(folder));

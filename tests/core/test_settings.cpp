@@ -52,12 +52,15 @@ TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
     EXPECT_EQ(message_of("bvh", {}),
               "there is no tree 'bvh': the trees are kd, rbsp, ize, random, normals, clustered, brute");
     EXPECT_EQ(message_of("normals", {{"axes", "slow"}}), "axes=slow is not valid: axes is one of none, plain, fast");
+    EXPECT_EQ(message_of("kd", {{"simd", "sse"}}), "simd=sse is not valid: simd is one of auto, avx2, avx512");
     for (const char *k : {"0", "1000", "33", "-1", "2.5", "six", "", "6x", "nan", "1e400"})
         EXPECT_EQ(message_of("random", {{"k", k}}),
                   std::string("k=") + k + " is not valid: k is an integer from 1 to 32");
     EXPECT_NE(
         message_of("kd", {{"colour", "red"}}).find("kd has no setting 'colour': its settings are triangle_test, "),
         std::string::npos);
+    EXPECT_EQ(message_of("kd", {{"precision", "high"}}),
+              "precision=high is not valid: precision is one of fast, epsilon, safe");
     EXPECT_NE(message_of("kd", {{"k", "6"}}).find("kd has no setting 'k'"), std::string::npos);
     EXPECT_EQ(message_of("brute", {{"seed", "1"}}), "brute has no setting 'seed': its settings are triangle_test");
     EXPECT_EQ(message_of("normals", {{"intersection_cost", "0"}}),

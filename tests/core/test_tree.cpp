@@ -27,8 +27,12 @@ std::vector<Settings> all_settings() {
         for (const char *cost : {"thesis", "ize"})
             all.push_back(make_settings(tree, {{"cost", cost}}));
     for (std::size_t i = 0, count = all.size(); i < count; ++i) {
-        all.push_back(all[i]);
-        all.back().layout = LayoutKind::wide;
+        all[i].layout = LayoutKind::binary;
+        for (const Simd simd : {Simd::best, Simd::avx2}) {
+            all.push_back(all[i]);
+            all.back().layout = LayoutKind::wide;
+            all.back().simd = simd;
+        }
     }
     return all;
 }

@@ -108,10 +108,18 @@ protected:
     const fs::path folder = fs::path(testing::TempDir()) /
                             (std::string("trees-") + testing::UnitTest::GetInstance()->current_test_info()->name());
     const Settings settings = make_settings("normals", {});
-    const TriangleSet set = random_soup(200, 1);
+    const TriangleSet set = in_own_units(random_soup(200, 1));
     const Tree tree = build_tree(set, settings);
     const TreeFile file{folder, set, settings};
     std::string bytes;
+
+private:
+    /// A set that need not be scaled, so that its file is the one an accelerator looks for.
+    static TriangleSet in_own_units(TriangleSet set) {
+        set.rescale();
+        set.scale = {};
+        return set;
+    }
 };
 
 TEST_F(TreeFiles, ComeBackBitForBit) {
@@ -136,6 +144,7 @@ TEST_F(TreeFiles, AreNamedAfterWhatDecidesTheTree) {
         return TreeFile(folder, triangles, make_settings(name, options)).path();
     };
     EXPECT_EQ(path(set, "normals", {{"triangle_test", "mt"}}), file.path());
+    EXPECT_EQ(path(set, "normals", {{"precision", "fast"}}), file.path());
     EXPECT_EQ(file.path().filename().string().substr(0, 8), "normals-");
     EXPECT_NE(path(set, "random", {}), file.path());
     EXPECT_NE(path(set, "normals", {{"seed", "1"}}), file.path());

@@ -109,12 +109,26 @@ def test_triangles_without_area(spec: str) -> None:
     assert not scene.ray_test(ray([2.5, 1, 0], [0, -1, 0], 2))
 
 
+def huge_triangle(size: float) -> mi.Mesh:
+    return to_mesh(np.array([(-size, -size, -3), (size, -size, -3), (0, size, -3)]), np.array([(0, 1, 2)]))
+
+
 @pytest.mark.parametrize("spec", ["kd", "normals", "native"])
 def test_a_huge_triangle_does_not_hide_the_rest(spec: str) -> None:
-    """Embree drops a shape that reaches beyond 1.8e18 without a word; ours is one shape, so it is told less."""
-    huge = to_mesh(np.array([(-1e30, -1e30, -3), (1e30, -1e30, -3), (0, 1e30, -3)]), np.array([(0, 1, 2)]))
-    scene = scene_of(spec, huge=huge, small=ball())
+    """As large as Embree takes a shape; beyond, it would drop it without a word."""
+    scene = scene_of(spec, huge=huge_triangle(1.79e18), small=ball())
     assert scene.ray_intersect(ray([0, 0.01, 9], [0, 0, -1])).shape.id() == "small"
+    assert scene.ray_intersect(ray([1e18, -1e18, 9], [0, 0, -1])).shape.id() == "huge"
+
+
+@pytest.mark.parametrize("spec", ["kd", "normals", "native"])
+@pytest.mark.parametrize("size", [1.81e18, 1e30, 3e38])
+def test_what_embree_would_drop_is_refused(spec: str, size: float) -> None:
+    with pytest.raises(RuntimeError) as caught:
+        scene_of(spec, huge=huge_triangle(size), small=ball())
+    message = str(caught.value)
+    assert 'child "huge" extends from [-' in message and "drops shapes that reach beyond 1.8e+18" in message
+    assert f"{size:g}" in message and "\n" not in message
 
 
 @pytest.mark.parametrize("spec", SPECS)

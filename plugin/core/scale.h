@@ -1,0 +1,70 @@
+/// The units of an accelerator: the user's, times a power of two that brings the largest coordinate near 1, so that
+/// scenes of any size are alike. Scaling by a power of two changes no digit of a number.
+#pragma once
+
+#include <immintrin.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "ray.h"
+
+namespace bsp {
+
+/// A ray in an accelerator's units: finite, the largest component of its direction from 2^-60 to 2^60. Where there can
+/// be no hit its maxt is below 0.
+struct ScaledRay {
+    Ray ray;
+    double per_t = 1; ///< the user's t for 1 of this ray's
+};
+
+inline Hit in_users_units(Hit hit, double per_t) {
+    hit.t = float(double(hit.t) * per_t);
+    return hit;
+}
+inline bool in_users_units(bool found, double) { return found; }
+
+class Scale {
+public:
+    /// Changes nothing.
+    Scale() : Scale(0) {}
+
+    /// For coordinates of at most this size: they become less than 1 and at least 1/2, as far as the factor and its
+    /// inverse are normal floats. What was above 2^126 becomes up to 4, what was below 2^-127 stays below 1/2.
+    static Scale for_largest(double size);
+
+    float apply(float x) const { return x * m_factor; }
+    double undo(double x) const { return x * m_inverse; }
+
+    /// A ray that is not finite, has no direction or no interval, or begins more than 2^96 scenes away, hits nothing.
+    /// Hits get a t that is finite and not above the user's maxt.
+    [[gnu::always_inline]] ScaledRay apply(const Ray &ray) const noexcept {
+        const Vec3f o{apply(ray.o.x), apply(ray.o.y), apply(ray.o.z)};
+        const float end = apply(ray.maxt);
+        const __m128 sign = _mm_set1_ps(-0.0f);
+        const __m128 distance = _mm_andnot_ps(sign, _mm_setr_ps(o.x, o.y, o.z, 0)),
+                     speed = _mm_andnot_ps(sign, _mm_setr_ps(ray.d.x, ray.d.y, ray.d.z, 0));
+        const __m128 usual =
+            _mm_and_ps(_mm_cmple_ps(distance, _mm_set1_ps(farthest)), _mm_cmple_ps(speed, _mm_set1_ps(m_fastest)));
+        const bool moves = _mm_movemask_ps(_mm_cmpge_ps(speed, _mm_set1_ps(slowest))) != 0;
+        if (__builtin_expect((_mm_movemask_ps(usual) == 15) & moves & (end >= smallest_normal), true))
+            return {{o, ray.d, std::min(end, m_end)}, m_inverse};
+        return apply_with_care(ray);
+    }
+
+private:
+    static constexpr float farthest = 0x1p96f, slowest = 0x1p-60f, fastest = 0x1p60f;
+    static constexpr float smallest_normal = std::numeric_limits<float>::min();
+
+    /// The factor is 2^-exponent.
+    explicit Scale(int exponent);
+    /// Any ray, denormal numbers included, even in a thread that flushes them to zero.
+    ScaledRay apply_with_care(const Ray &ray) const noexcept;
+
+    float m_factor;
+    float m_fastest; ///< below 0 where every ray needs care
+    float m_end;     ///< the largest maxt whose counterpart is finite
+    double m_inverse;
+};
+
+} // namespace bsp
