@@ -33,7 +33,7 @@ class Differences:
 
     def _references(self, spec: Spec) -> dict[str, Spec]:
         candidates = {
-            "trees": [s for s in self._specs if spec.is_tree and s.is_tree and _test(s) == _test(spec)],
+            "trees": [s for s in self._specs if spec.is_tree and s.is_tree and _rules(s) == _rules(spec)],
             "native": [s for s in self._specs if s.name == "native"],
             "embree": [s for s in self._specs if s.name == "embree"],
         }
@@ -47,6 +47,6 @@ class Differences:
         return {"reference": reference, **asdict(compare_images(first, second))}
 
 
-def _test(spec: Spec) -> object:
-    """Trees are only expected to make identical images if they test triangles alike."""
-    return spec.settings.get("triangle_test")
+def _rules(spec: Spec) -> object:
+    """Trees are only expected to make identical images if they test triangles and meet rounding errors alike."""
+    return spec.settings.get("triangle_test"), spec.settings.get("precision", "safe")

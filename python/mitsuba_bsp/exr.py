@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -26,10 +27,14 @@ def write_exr(path: Path, pixels: np.ndarray, extra: Sequence[str], header: Mapp
 
     `header` becomes string attributes of the file. The file appears whole or not at all.
     """
-    planes = channels(pixels, extra)
+    write_channels(path, channels(pixels, extra), header)
+
+
+def write_channels(path: Path, planes: Mapping[str, np.ndarray], header: Mapping[str, str]) -> None:
+    """The same for channels (height, width) float32 by name; several processes may write the same file."""
     attributes = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
-    unfinished = path.with_name(f".{path.name}")
-    with OpenEXR.File(attributes, planes) as file:
+    unfinished = path.with_name(f".{os.getpid()}-{path.name}")
+    with OpenEXR.File(attributes, dict(planes)) as file:
         file.write(str(unfinished))
     unfinished.replace(path)
 

@@ -23,6 +23,11 @@ def describe() -> dict[str, str]:
     }
 
 
+def c_library() -> str:
+    """The C library, whose sines and the like decide the last bits of an image."""
+    return " ".join(platform.libc_ver())
+
+
 def available_threads() -> int:
     """Processors this process may use."""
     return len(os.sched_getaffinity(0))

@@ -52,6 +52,11 @@ def has_box_filter(state: mi.parser.ParserState) -> bool:
     return filters == ["box"] * len(_films(state))
 
 
+def filter_name(scene: mi.Scene) -> str:
+    """The pixel filter of a scene's first sensor, in small letters: box, gaussian, ..."""
+    return str(scene.sensors()[0].film().rfilter()).partition("Filter")[0].lower()
+
+
 def set_resolution(state: mi.parser.ParserState, longer_side: int) -> None:
     """Scale every film, and its crop window, so that its longer side has `longer_side` pixels."""
     for film in _films(state):

@@ -22,9 +22,10 @@ from .exr import write_exr
 from .frame_jobs import time_frames
 from .jobs import Job
 from .loading import open_file, parsed_file
+from .machine import c_library
 from .messages import one_sentence
 from .ray_jobs import record, replay
-from .render_setup import fix_block_size, has_box_filter, set_resolution
+from .render_setup import filter_name, fix_block_size, has_box_filter, set_resolution
 from .rendering import Stage, construct, load, render, samples
 from .scene_hash import referenced_file, scene_hash
 from .swap import GroupOptions
@@ -136,7 +137,7 @@ def _render_once(job: Job, stage: Stage) -> dict[str, Any]:
     scene, build_s = construct(job, loaded, stage)
     frame = render(job, scene, stage, samples(job, scene))
     stage(f"writing {job.image}")
-    header = {**job.header, "scene_hash": scene_hash(job.scene, job.params)}
+    header = {**_provenance(job, scene), "scene_hash": scene_hash(job.scene, job.params)}
     _write_image(Path(job.image), scene, frame.pixels, header)
     return {
         "build_s": build_s,
@@ -172,8 +173,20 @@ def _shape_index(props: mi.Properties) -> dict[str, int]:
 def _write_images(job: Job, scene: mi.Scene, pixels: np.ndarray) -> None:
     """The EXR file of a comparison and its PNG preview."""
     path = Path(job.image)
-    _write_image(path, scene, pixels, job.header)
-    _write_image(path.with_suffix(".png"), scene, pixels, job.header)
+    _write_image(path, scene, pixels, _provenance(job, scene))
+    _write_image(path.with_suffix(".png"), scene, pixels, {})
+
+
+def _provenance(job: Job, scene: mi.Scene) -> dict[str, str]:
+    """The header of an image: what the job says, and what decides which paths were traced."""
+    return {
+        **job.header,
+        "variant": job.variant,
+        "spp": str(scene.sensors()[0].sampler().sample_count()),  # a sampler may have rounded it up
+        "seed": str(job.seed),
+        "filter": filter_name(scene),
+        "version_libc": c_library(),
+    }
 
 
 def _write_image(path: Path, scene: mi.Scene, pixels: np.ndarray, header: Mapping[str, str]) -> None:

@@ -149,11 +149,12 @@ def test_images_are_held_against_our_trees_native_and_embree(workers: Workers, o
 
 
 def test_trees_with_another_triangle_test_are_not_expected_to_agree(workers: Workers, options: Options) -> None:
-    texts = ("kd", "kd:triangle_test=mt", "random:triangle_test=mt", "random")
+    texts = ("kd", "kd:triangle_test=mt", "random:triangle_test=mt", "random", "brute", "kd:precision=fast")
     compare(replace(options, specs=tuple(map(parse_spec, texts))), Listener())
     references = {r["spec"]: r["image_difference"].get("trees", {}).get("reference") for r in lines(options)}
     assert references == {
         "kd": None, "kd:triangle_test=mt": None, "random": "kd", "random:triangle_test=mt": "kd:triangle_test=mt",
+        "brute": "kd", "kd:precision=fast": None,
     }  # fmt: skip
 
 

@@ -1,0 +1,16 @@
+"""Mitsuba in a variant that our plugins support, for what runs without a scene file."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import mitsuba as mi
+
+VARIANT = "scalar_rgb"
+
+
+def mitsuba() -> ModuleType:
+    """Mitsuba, set to a scalar variant unless it is in one."""
+    if not (mi.variant() or "").startswith("scalar"):
+        mi.set_variant(VARIANT)
+    return mi
