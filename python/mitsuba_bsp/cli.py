@@ -10,7 +10,17 @@ from pathlib import Path
 
 from rich.table import Table
 
-from . import bench_build_cli, bench_rays_cli, bench_render_cli, bench_thesis_cli, calibrate_cli, plugin_dir, specs
+from . import (
+    bench_build_cli,
+    bench_rays_cli,
+    bench_render_cli,
+    bench_thesis_cli,
+    calibrate_cli,
+    diff_cli,
+    plugin_dir,
+    specs,
+    verify_cli,
+)
 from .bench_cli import add_spec_option
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
@@ -76,6 +86,8 @@ def _parser() -> argparse.ArgumentParser:
     for kind in (bench_rays_cli, bench_render_cli, bench_build_cli, bench_thesis_cli):
         kind.add_command(kinds)
     calibrate_cli.add_command(commands)
+    diff_cli.add_command(commands)
+    verify_cli.add_command(commands)
 
     sub = commands.add_parser("specs", help="list the accelerators and their settings")
     sub.set_defaults(run=_list_specs)

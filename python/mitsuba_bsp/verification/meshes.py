@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
+    """Equal to itself only, so that answers about it can be kept."""
+
     name: str
     vertices: np.ndarray
     faces: np.ndarray
@@ -73,6 +76,26 @@ def boxes(name: str, corners: list[tuple[tuple[float, float, float], tuple[float
     return _mesh(name, np.array(vertices), np.array(faces), closed=len(corners) == 1)
 
 
+def tessellated_box(name: str, cells: int, centre: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
+    """A closed cube of side 2, turned so that no face lies along an axis, each face cut into `cells` squared."""
+    flat = grid("", cells)
+    square = flat.vertices[:, [0, 2]].astype(float) * 2 / cells - 1
+    sides = []
+    for axis in range(3):
+        for height in (-1.0, 1.0):
+            points = np.empty((len(square), 3))
+            points[:, axis] = height
+            points[:, [(axis + 1) % 3, (axis + 2) % 3]] = square
+            sides.append(points)
+    faces = np.concatenate([flat.faces.astype(int) + side * len(square) for side in range(6)])
+    return _mesh(name, np.concatenate(sides) @ box_turn().T + np.asarray(centre), faces, closed=True)
+
+
+def box_turn() -> np.ndarray:
+    """The rotation of `tessellated_box`: its columns are the normals of the faces."""
+    return np.linalg.qr(np.random.default_rng(6).normal(size=(3, 3)))[0]
+
+
 def stairs(name: str, steps: int) -> Mesh:
     """Boxes that share faces, edges and vertices with their neighbours."""
     return boxes(name, [((i, 0, 0), (i + 1, i + 1, 4)) for i in range(steps)])
@@ -113,6 +136,47 @@ def fan(name: str, count: int) -> Mesh:
     return _mesh(name, np.concatenate([rim, [[0, 1, 0]]]), faces)
 
 
+def split_square(name: str, triangles: int, seed: int) -> Mesh:
+    """The unit square in the plane z = 0, split at random until there are so many triangles, or one more.
+
+    A triangle is split at a point inside, or two are at a point of the edge between them, both alike: the point is
+    rounded, but it is the same for all that share it, so that there are no gaps. After the watertightness test of the
+    Vulkan conformance suite.
+    """
+    rng = np.random.default_rng([seed, triangles])
+    points = [np.float32(p) for p in ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))]
+    faces = {(0, 1, 2), (0, 2, 3)}
+    edges = {edge: face for face in faces for edge in _edges(face)}  # directed, so each has one face
+
+    def replace(old: tuple[int, int, int], new: list[tuple[int, int, int]]) -> None:
+        faces.remove(old)
+        faces.update(new)
+        for edge in _edges(old):
+            edges.pop(edge)
+        edges.update((edge, face) for face in new for edge in _edges(face))
+
+    while len(faces) < triangles:
+        face = sorted(faces)[rng.integers(len(faces))]
+        weights = rng.dirichlet((1, 1, 1))
+        a, b, c = face
+        p = len(points)
+        other = edges.get((b, a))
+        if other is not None and rng.random() < 0.5:
+            weights = np.array([weights[0], 1 - weights[0], 0])
+            d = next(v for v in other if v not in (a, b))
+            replace(other, [(b, p, d), (p, a, d)])
+            replace(face, [(a, p, c), (p, b, c)])
+        else:
+            replace(face, [(a, b, p), (b, c, p), (c, a, p)])
+        points.append(sum(np.float64(w) * points[v] for w, v in zip(weights, face, strict=True)).astype(np.float32))
+    return _mesh(name, np.array(points), np.array(sorted(faces)))
+
+
+def _edges(face: tuple[int, int, int]) -> list[tuple[int, int]]:
+    a, b, c = face
+    return [(a, b), (b, c), (c, a)]
+
+
 #: Twelve meshes of at most 1000 triangles.
 SMALL: dict[str, Callable[[str], Mesh]] = {
     "sphere": lambda name: sphere(name, 15),
@@ -130,8 +194,9 @@ SMALL: dict[str, Callable[[str], Mesh]] = {
 }
 
 
-def small_meshes() -> list[Mesh]:
-    return [make(name) for name, make in SMALL.items()]
+@cache
+def small_meshes() -> tuple[Mesh, ...]:
+    return tuple(make(name) for name, make in SMALL.items())
 
 
 def large_mesh() -> Mesh:

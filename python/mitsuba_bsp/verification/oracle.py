@@ -1,97 +1,132 @@
-"""Holds an accelerator's answers against those of another one, bit for bit."""
+"""Holds an accelerator's answers against those of brute force, bit for bit."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import _core
-from .meshes import Mesh
+from ..accelerator import NO_TRIANGLE
+from ..spec import Spec
+from .cases import Case, describe_ray
+from .meshes import Mesh, small_meshes
 from .rays import FAMILIES, Rays, plane_rays
+
+Answers = Mapping[str, NDArray[np.float32] | NDArray[np.uint32]]
 
 #: Rays whose interval ends before infinity: a quarter of them ends exactly at the hit, or just before or after.
 INTERVAL_SHARE = 0.25
 
 
-@dataclass
-class Differences:
-    """What was compared, and where the answers differ."""
+@dataclass(frozen=True)
+class Questions:
+    """Rays of one family in one mesh, and the right answers."""
 
-    rays: int = 0
-    by_family: dict[str, int] = field(default_factory=dict)
-    first: str = ""  #: the first ray that differs, in hexadecimal floats
+    mesh: Mesh
+    family: str
+    seed: int
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    maxt: NDArray[np.float32]
+    expected: Answers
 
     @property
-    def total(self) -> int:
-        return sum(self.by_family.values())
+    def rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        return self.origins, self.directions, self.maxt
 
-    def __str__(self) -> str:
-        families = ", ".join(f"{name} {count}" for name, count in self.by_family.items() if count)
-        return f"{self.total} differences in {self.rays} rays ({families}); {self.first}"
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def head(self, count: int) -> Questions:
+        """The first few of them."""
+        expected = {key: values[:count] for key, values in self.expected.items()}
+        cut = (part[:count] for part in self.rays)
+        return Questions(self.mesh, self.family, self.seed, *cut, expected)
+
+    def case(self, index: int, spec: str, why: str, hit: bool | None = None) -> Case:
+        """One of the rays, so that it can be asked again; `hit`: whether it must hit anything, where that is known."""
+        one = slice(index, index + 1)
+        hits = None if hit is None else (hit,)
+        return Case(why, self.mesh, *(part[one] for part in self.rays), hits, spec, self.seed)
+
+    def describe(self, index: int) -> str:
+        """The ray and the triangle that it should hit, in hexadecimal floats."""
+        ray = describe_ray(*(part[index] for part in self.rays))
+        text = f"{self.mesh.name}, seed {self.seed}, {self.family} {index}: {ray}"
+        triangle = int(self.expected["triangle"][index])
+        if triangle == NO_TRIANGLE:
+            return f"{text}, which hits nothing"
+        corners = self.mesh.vertices[self.mesh.faces[triangle]]
+        points = " ".join("({})".format(", ".join(float(x).hex() for x in corner)) for corner in corners)
+        return f"{text}, which hits triangle {triangle}, {points}, at t={float(self.expected['t'][index]).hex()}"
 
 
-def _bits(values: np.ndarray) -> np.ndarray:
-    return values.view(np.uint32) if values.dtype == np.float32 else values
+def build(mesh: Mesh, spec: Spec, fault: str = "") -> _core.Accelerator:
+    """A tree over a mesh, or brute force."""
+    return _core.Accelerator(mesh.vertices, mesh.faces, spec.name, dict(spec.options), fault)
 
 
-def differing(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> np.ndarray:
+@lru_cache(maxsize=128)
+def small_trees(spec: Spec) -> tuple[tuple[Mesh, _core.Accelerator], ...]:
+    """The small meshes and their trees; kept, for several checks need them."""
+    return tuple((mesh, build(mesh, spec)) for mesh in small_meshes())
+
+
+@lru_cache(maxsize=256)
+def brute_force(mesh: Mesh, triangle_test: str = "woop") -> _core.Accelerator:
+    return _core.Accelerator(mesh.vertices, mesh.faces, "brute", {"triangle_test": triangle_test})
+
+
+def answered(mesh: Mesh, family: str, rays: Rays, seed: int, triangle_test: str = "woop") -> Questions:
+    """Rays with interval ends, some of them close to the hit, and the answers of brute force."""
+    o, d = rays
+    oracle = brute_force(mesh, triangle_test)
+    unbounded = oracle.closest(o, d, np.full(len(o), np.inf, np.float32))
+    maxt = cut_intervals(unbounded["t"], family_rng(seed, family + " interval"))
+    return Questions(mesh, family, seed, o, d, maxt, oracle.closest(o, d, maxt))
+
+
+@lru_cache(maxsize=64)
+def questions(mesh: Mesh, count: int, seed: int, triangle_test: str = "woop") -> tuple[Questions, ...]:
+    """So many rays of every family that does not depend on the tree."""
+    return tuple(
+        answered(mesh, name, make(mesh, count, family_rng(seed, name)), seed, triangle_test)
+        for name, make in FAMILIES.items()
+    )
+
+
+def plane_questions(
+    mesh: Mesh, tree: _core.Accelerator, count: int, seed: int, triangle_test: str = "woop"
+) -> Questions:
+    """Rays in the split planes of a tree."""
+    rays = plane_rays(mesh, count, family_rng(seed, "plane"), tree.planes().reshape(-1, 4))
+    return answered(mesh, "plane", rays, seed, triangle_test)
+
+
+def family_rng(seed: int, family: str) -> np.random.Generator:
+    return np.random.default_rng([seed, *family.encode()])
+
+
+def differing(a: Answers, b: Answers) -> NDArray[np.bool_]:
     """Which rays got another t, u, v or triangle."""
     return np.any([_bits(a[key]) != _bits(b[key]) for key in ("t", "u", "v", "triangle")], axis=0)
 
 
-def cut_intervals(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def found(answers: Answers) -> NDArray[np.bool_]:
+    """Which rays hit something."""
+    return answers["triangle"] != NO_TRIANGLE
+
+
+def cut_intervals(t: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
     """Ends of intervals: mostly infinite, some exactly at the closest hit, one float below it or above."""
     below, above = np.nextafter(t, np.float32(-np.inf)), np.nextafter(t, np.float32(np.inf))
     cut = np.choose(rng.integers(3, size=len(t)), [t, below, above])
     return np.where(rng.random(len(t)) < INTERVAL_SHARE, cut, np.float32(np.inf)).astype(np.float32)
 
 
-def describe_ray(o: np.ndarray, d: np.ndarray, maxt: float) -> str:
-    numbers = [float(x).hex() for x in (*o, *d, maxt)]
-    return "ray o=({}, {}, {}) d=({}, {}, {}) maxt={}".format(*numbers)
-
-
-class Oracle:
-    """The right answers for one mesh: brute force by default, or another tree where that would take too long."""
-
-    def __init__(self, mesh: Mesh, rays_per_family: int, seed: int, tree: str = "brute", triangle_test: str = "woop"):
-        self.mesh = mesh
-        self.seed = seed
-        self.count = rays_per_family
-        self.options = {"triangle_test": triangle_test}
-        self.reference = _core.Accelerator(mesh.vertices, mesh.faces, tree, self.options)
-        self.streams = [
-            (name, *self._answered(make(mesh, self.count, self._rng(name)), name)) for name, make in FAMILIES.items()
-        ]
-
-    def compare(self, tree: str, options: dict[str, str] | None = None, fault: str = "") -> Differences:
-        """Fire every family at the tree the settings describe, closest and any hit."""
-        accelerator = _core.Accelerator(
-            self.mesh.vertices, self.mesh.faces, tree, {**(options or {}), **self.options}, fault
-        )
-        planes = accelerator.planes().reshape(-1, 4)
-        plane_stream = self._answered(plane_rays(self.mesh, self.count, self._rng("plane"), planes), "plane")
-        found = Differences()
-        for name, o, d, maxt, expected in [*self.streams, ("plane", *plane_stream)]:
-            wrong = differing(accelerator.closest(o, d, maxt), expected)
-            wrong |= accelerator.any(o, d, maxt).astype(bool) != (expected["triangle"] != NO_TRIANGLE)
-            found.rays += len(o)
-            found.by_family[name] = int(wrong.sum())
-            if wrong.any() and not found.first:
-                i = int(np.argmax(wrong))
-                found.first = f"{self.mesh.name}, seed {self.seed}, {name} {i}: " + describe_ray(o[i], d[i], maxt[i])
-        return found
-
-    def _rng(self, family: str) -> np.random.Generator:
-        return np.random.default_rng([self.seed, *family.encode()])
-
-    def _answered(self, rays: Rays, family: str):
-        """Rays, their interval ends, and the right answers."""
-        o, d = rays
-        unbounded = self.reference.closest(o, d, np.full(len(o), np.inf, np.float32))
-        maxt = cut_intervals(unbounded["t"], self._rng(family + " interval"))
-        return o, d, maxt, self.reference.closest(o, d, maxt)
-
-
-NO_TRIANGLE = 0xFFFFFFFF
+def _bits(values: NDArray) -> NDArray:
+    return values.view(np.uint32) if values.dtype == np.float32 else values

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .meshes import Mesh
+from .meshes import Mesh, box_turn
 
 Rays = tuple[np.ndarray, np.ndarray]
 Generator = np.random.Generator
@@ -155,6 +155,10 @@ FAMILIES: dict[str, Callable[[Mesh, int, Generator], Rays]] = {
 }
 
 
+#: Families of `interior_rays`.
+INTERIOR_FAMILIES = ("random", "edge", "vertex")
+
+
 def interior_rays(mesh: Mesh, count: int, rng: Generator, family: str) -> Rays:
     """From near the centre of a closed mesh, `random` or aimed at a `vertex` or an `edge`: none may escape."""
     origins = mesh.centre + rng.uniform(-0.5, 0.5, (count, 3))
@@ -164,3 +168,19 @@ def interior_rays(mesh: Mesh, count: int, rng: Generator, family: str) -> Rays:
         return _towards(origins, mesh.vertices[rng.integers(len(mesh.vertices), size=count)])
     corners = _corners(mesh, count, rng)
     return _towards(origins, (corners[:, 0] + corners[:, 1]) / 2)
+
+
+def grazing_inside(mesh: Mesh, count: int, rng: Generator) -> Rays:
+    """From just inside a face of a `tessellated_box`, at angles of 1e-7 to 1e-3 to it: none may escape."""
+    axis, side = rng.integers(3, size=count), rng.choice([-1.0, 1.0], count)
+    rows = np.arange(count)
+    origins = rng.uniform(-0.99, 0.99, (count, 3))
+    # Farther from the face than its vertices are moved by rounding.
+    closest = max(1e-5, 4 * 2.0**-24 * float(np.abs(mesh.vertices).max()))
+    origins[rows, axis] = side * (1 - closest * 10 ** rng.uniform(0, 2, count))
+    directions = rng.normal(size=(count, 3))
+    directions[rows, axis] = 0
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions[rows, axis] = 10 ** rng.uniform(-7, -3, count) * rng.choice([-1, 1], count)
+    turn = box_turn()
+    return _as_float32(origins @ turn.T + mesh.centre, directions @ turn.T)

@@ -1,0 +1,63 @@
+"""Every tree of C01 and C08, looked into: is each triangle wherever a ray may look for it?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from .audit import depths, missing, neutral_tree
+from .check import Failure, Outcome, Plan, Subject, Unit, check, subject_units
+from .meshes import Mesh, small_meshes
+from .volumes import cell_volumes
+from .zoo import has_area, zoo
+
+#: The traversal stack has room for a tree of this depth.
+DEPTH_LIMIT = 60
+
+
+@check("C12", "trees list every triangle wherever it must be")
+def audit_trees(plan: Plan) -> Iterator[Unit]:
+    return subject_units(plan, _audit)
+
+
+def _audit(plan: Plan, subject: Subject) -> Outcome:
+    """Variants: a tenth of the meshes, others for each of them."""
+    outcome = Outcome(what="nodes")
+    meshes = (*small_meshes(), *zoo())
+    start = sum(subject.spec.text.encode()) % 10
+    for mesh in meshes if subject.share == 1 else meshes[start::10]:
+        _audit_tree(outcome, plan, subject, mesh)
+    return outcome
+
+
+def _audit_tree(outcome: Outcome, plan: Plan, subject: Subject, mesh: Mesh) -> None:
+    tree = neutral_tree(mesh, subject.spec)
+    valid = np.flatnonzero(has_area(mesh))
+    absent = missing(tree, mesh, valid)
+    text = f"{subject.spec.text}, {mesh.name}"
+
+    def failure() -> Failure:
+        leaf, triangle = absent[0]
+        corners = " ".join(str([float(x).hex() for x in v]) for v in mesh.vertices[mesh.faces[triangle]])
+        return Failure(f"{text}: leaf {leaf} does not list triangle {triangle}, {corners}, which is in its cell")
+
+    outcome.add("references", len(tree.is_leaf), len(absent), failure)
+    outcome.figures["references"] = int(outcome.figures.get("references", 0)) + len(tree.references)
+    deepest = int(depths(tree).max())
+    allowed = depth_allowed(subject, len(valid))
+    outcome.expect("depth", deepest == tree.depth <= allowed, f"{text}: depth {deepest}, but {allowed} are allowed")
+    if len(valid) and np.isfinite(root := float(np.prod(tree.box[1] - tree.box[0]))):
+        leaves = float(cell_volumes(tree)[tree.is_leaf].sum())
+        outcome.expect(
+            "volume", abs(leaves - root) <= 1e-6 * root, f"{text}: leaves fill {leaves / root:.9f} of the root"
+        )
+
+
+def depth_allowed(subject: Subject, triangles: int) -> int:
+    """What the settings allow: `max_depth`, or if that is 0 a margin and 1.6 levels for each doubling."""
+    settings = subject.spec.settings
+    if settings["max_depth"]:
+        return int(settings["max_depth"])
+    return min(DEPTH_LIMIT, math.floor(settings["depth_margin"] + 1.6 * math.log2(max(1, triangles)) + 0.5))

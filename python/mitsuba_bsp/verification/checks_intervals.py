@@ -1,0 +1,62 @@
+"""The interval of a ray is closed at both ends, as in Mitsuba: 0 <= t <= maxt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .check import Outcome, Plan, Subject, Unit, check, subject_units
+from .checks_brute import RAYS_PER_FAMILY
+from .judge import enter
+from .meshes import Mesh, small_meshes
+from .oracle import Questions, brute_force, found, questions, small_trees
+
+HITS = 10_000
+
+Floats = NDArray[np.float32]
+
+#: Ends of intervals as functions of t of the first hit.
+ENDS: dict[str, Callable[[Floats], Floats]] = {
+    "t": lambda t: t,
+    "just below t": lambda t: np.nextafter(t, np.float32(-np.inf)),
+    "0": np.zeros_like,
+    "-1": lambda t: np.full_like(t, -1),
+    "infinite": lambda t: np.full_like(t, np.inf),
+}
+
+
+@check("C06", "intervals are closed")
+def intervals_are_closed(plan: Plan) -> Iterator[Unit]:
+    return subject_units(plan, _cut)
+
+
+def _cut(plan: Plan, subject: Subject) -> Outcome:
+    outcome = Outcome(judged=subject.promises)
+    for mesh, tree in small_trees(subject.spec):
+        o, d, t = _hits(plan, subject, mesh)
+        for name, end in ENDS.items():
+            maxt = end(t)
+            expected = brute_force(mesh, subject.triangle_test).closest(o, d, maxt)
+            asked = Questions(mesh, f"maxt {name}", plan.seed, o, d, maxt, expected)
+            answers = tree.closest(*asked.rays)
+            # The rule itself, and the same answer from any-hit rays: brute force is not asked about either.
+            wrong = found(answers) != (t <= maxt)
+            wrong |= tree.any(*asked.rays).astype(bool) != (t <= maxt)
+            wrong |= found(answers) & (answers["t"].view(np.uint32) != t.view(np.uint32))
+            enter(outcome, subject, asked, wrong, "does not end the interval at maxt")
+    return outcome
+
+
+def _hits(plan: Plan, subject: Subject, mesh: Mesh) -> tuple[Floats, Floats, Floats]:
+    """Rays of all families that hit, in equal parts, and where."""
+    count = plan.count(HITS, subject) // len(small_meshes()) + 1
+    asked = questions(mesh, plan.count(RAYS_PER_FAMILY), plan.seed, subject.triangle_test)
+    each = count // len(asked) + 1
+    parts = []
+    for family in asked:
+        hit = np.flatnonzero(found(family.expected) & np.isinf(family.maxt))[:each]
+        parts.append((family.origins[hit], family.directions[hit], family.expected["t"][hit]))
+    o, d, t = (np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True))
+    return o, d, t

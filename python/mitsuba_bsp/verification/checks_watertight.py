@@ -1,0 +1,120 @@
+"""Where a surface has no holes, no ray passes: what is hit is known from topology alone, without any oracle.
+
+The recipe of the sphere is that of Embree's watertightness test, aimed; the square is that of the Vulkan conformance
+suite, with its vertices and the midpoints of its edges besides the grid of pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+
+from .check import Failure, Outcome, Plan, Subject, Unit, check, subject_units
+from .meshes import Mesh, sphere, split_square
+from .oracle import Questions, build, found
+from .rays import INTERIOR_FAMILIES, Rays, interior_rays
+
+RAYS = 100_000
+PLACES = {"0": (0, 0, 0), "1e3": (1e3, -1e3, 7e2), "2.7e5": (148376, 1234, -223423)}
+
+#: Rings of the sphere: 9,800 triangles; variants, which get a tenth of the rays, also get a tenth of the triangles.
+STEPS, VARIANT_STEPS = 50, 16
+
+SQUARE_SIZES = (4, 16, 64, 256, 1024, 4096)
+VARIANT_SQUARE_SIZES = (4, 16, 64, 256)
+PIXELS = 256
+
+
+@cache
+def closed_sphere(steps: int, place: str) -> Mesh:
+    return sphere(f"sphere of {steps} rings at {place}", steps, PLACES[place])
+
+
+@check("C03", "no ray escapes a closed sphere")
+def closed_sphere_is_closed(plan: Plan) -> Iterator[Unit]:
+    return subject_units(plan, _leave_sphere)
+
+
+def _leave_sphere(plan: Plan, subject: Subject) -> Outcome:
+    outcome = _outcome(subject)
+    for place in PLACES:
+        mesh = closed_sphere(STEPS if subject.share == 1 else VARIANT_STEPS, place)
+        tree = build(mesh, subject.spec)
+        for family in INTERIOR_FAMILIES:
+            rays = _interior(mesh, plan.count(RAYS), plan.seed, family)
+            _all_hit(outcome, plan, subject, mesh, f"{family} at {place}", _head(rays, plan.count(RAYS, subject)), tree)
+    return outcome
+
+
+@check("C04", "no ray passes through a split square")
+def split_square_is_whole(plan: Plan) -> Iterator[Unit]:
+    return subject_units(plan, _cross_square)
+
+
+def _cross_square(plan: Plan, subject: Subject) -> Outcome:
+    outcome = _outcome(subject)
+    for size in SQUARE_SIZES if subject.share == 1 else VARIANT_SQUARE_SIZES:
+        mesh = _square(size, plan.seed)
+        tree = build(mesh, subject.spec)
+        pixels, aimed = _pixels(plan, subject), _aimed(mesh)
+        _all_hit(outcome, plan, subject, mesh, "pixels", pixels, tree)
+        _all_hit(outcome, plan, subject, mesh, "vertices and edges", aimed, tree)
+    return outcome
+
+
+def _outcome(subject: Subject) -> Outcome:
+    """Moeller and Trumbore's test is not watertight, whatever tree it is in."""
+    return Outcome(judged=subject.promises and subject.triangle_test == "woop")
+
+
+def _all_hit(outcome: Outcome, plan: Plan, subject: Subject, mesh: Mesh, family: str, rays: Rays, tree: object) -> None:
+    o, d = rays
+    maxt = np.full(len(o), np.inf, np.float32)
+    answers = tree.closest(o, d, maxt)
+    missed = ~found(answers)
+
+    def failure() -> Failure:
+        index, spec = int(np.argmax(missed)), subject.spec.text
+        asked = Questions(mesh, family, plan.seed, o, d, maxt, answers)
+        return Failure(
+            f"{spec} lets a ray through a closed surface: {asked.describe(index)}",
+            asked.case(index, spec, "lets a ray through a closed surface", hit=True).to_json(),
+        )
+
+    outcome.add(family, len(o), int(missed.sum()), failure)
+
+
+@cache
+def _interior(mesh: Mesh, count: int, seed: int, family: str) -> Rays:
+    return interior_rays(mesh, count, np.random.default_rng([seed, *family.encode()]), family)
+
+
+def _head(rays: Rays, count: int) -> Rays:
+    return rays[0][:count], rays[1][:count]
+
+
+@cache
+def _square(size: int, seed: int) -> Mesh:
+    return split_square(f"square of {size}", size, seed)
+
+
+def _pixels(plan: Plan, subject: Subject) -> Rays:
+    """Straight down through the centres of pixels, a random part of them for variants."""
+    x, y = (p.ravel() for p in np.meshgrid(*2 * [(np.arange(PIXELS) + 0.5) / PIXELS]))
+    part = plan.rng("pixels").permutation(len(x))[: plan.count(len(x), subject)]
+    return _downward(np.stack([x, y], axis=-1)[part])
+
+
+def _aimed(mesh: Mesh) -> Rays:
+    """Straight down through all vertices inside the square, and all midpoints of its edges."""
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    points = np.concatenate([mesh.vertices, mesh.vertices[edges].astype(float).mean(axis=1)])[:, :2]
+    points = points.astype(np.float32)
+    return _downward(points[((points > 0) & (points < 1)).all(axis=1)])
+
+
+def _downward(points: np.ndarray) -> Rays:
+    o = np.concatenate([points, np.ones((len(points), 1))], axis=1).astype(np.float32)
+    return o, np.tile(np.float32([0, 0, -1]), (len(o), 1))

@@ -1,0 +1,52 @@
+"""Embree hands rays to our shape: the scene's answers are the tree's own, and no ray is lost on the way."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..spec import Spec, parse_spec
+from .check import Outcome, Plan, Subject, Unit, check
+from .contest import report
+from .meshes import Mesh
+from .oracle import Questions, brute_force
+from .wrapped import KINDS, PLACES, answers, box_rays, make_mesh, scene_with
+
+RAYS = 300_000  #: together
+
+#: Without lamps and with them Mitsuba makes different shapes of a mesh; every tree is wrapped alike.
+SPECS = {False: "normals", True: "kd"}
+
+
+@check("C16", "no ray is lost between a scene and its tree")
+def wrapper(plan: Plan) -> Iterator[Unit]:
+    count = plan.count(-(-RAYS // (2 * len(PLACES) * len(KINDS))))
+    for robust, text in SPECS.items():
+        for place in PLACES:
+            for kind in KINDS:
+                yield Unit(
+                    f"{kind} at {place}, Embree {'robust' if robust else 'fast'}",
+                    text,
+                    lambda k=kind, p=place, r=robust, s=text: _lost(plan, make_mesh(k, p), parse_spec(s), r, count),
+                )
+
+
+def _lost(plan: Plan, mesh: Mesh, spec: Spec, robust: bool, count: int) -> Outcome:
+    o, d = box_rays(mesh, count, plan.rng("C16", mesh.name))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the sheet loses its rim to rounding, far out
+        ends = np.full(count, np.inf, np.float32)
+        expected = brute_force(mesh).closest(o, d, ends)
+    asked = Questions(mesh, "box", plan.seed, o, d, ends, expected)
+    t, triangle, any_hit = answers(scene_with(mesh, spec, robust, lamps=robust), (o, d))
+    hit = np.isfinite(expected["t"])
+    half = len(mesh.faces) // 2
+    number = np.where(hit, expected["triangle"].astype(int), -1)
+    wrong = t.view(np.uint32) != expected["t"].view(np.uint32)
+    wrong |= any_hit != hit
+    wrong |= triangle != np.where(number < half, number, number - half)
+    outcome = Outcome(figures={"hits": int(hit.sum()), "lost": int((hit & ~np.isfinite(t)).sum())})
+    report(outcome, Subject(spec, 1), asked, wrong)
+    return outcome

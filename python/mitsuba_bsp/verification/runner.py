@@ -1,0 +1,174 @@
+"""Runs the units of checks, and keeps every finished one in a file, so that an interrupted run can go on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Protocol
+
+from .. import _core
+from ..machine import describe
+from ..messages import one_sentence
+from ..records import ResultsFolder, append
+from .check import Check, Failure, Outcome, Plan, Record, Unit, rate_bound
+
+#: A unit is finished if a record agrees with it in these.
+_IDENTITY = ("check", "unit", "spec_full", "seed", "scale", "share", "sources")
+
+
+class Listener(Protocol):
+    """Who is told how a run goes."""
+
+    def begin(self, check: Check, units: int, kept: int) -> None:
+        """A check starts; so many of its units are known from an earlier run."""
+
+    def unit(self, name: str) -> None:
+        """A unit starts."""
+
+    def unit_done(self) -> None:
+        """It has ended."""
+
+    def end(self, result: Result) -> None:
+        """The check has ended."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """All records of one check."""
+
+    check: Check
+    records: tuple[Record, ...]
+
+    @property
+    def judged(self) -> list[Record]:
+        return [row for row in self.records if row["judged"]]
+
+    @property
+    def passed(self) -> bool:
+        return not any(sum(row["wrong"].values()) for row in self.judged)
+
+    @property
+    def seconds(self) -> float:
+        return sum(row["seconds"] for row in self.records)
+
+    @property
+    def specs(self) -> int:
+        return len({row["spec"] for row in self.records if row["spec"]})
+
+    @property
+    def failures(self) -> list[str]:
+        return [text for row in self.judged for text in row["failures"]]
+
+    @property
+    def wrong(self) -> dict[str, int]:
+        """What was wrong, by family, worst first."""
+        total: dict[str, int] = {}
+        for row in self.judged:
+            for family, count in row["wrong"].items():
+                total[family] = total.get(family, 0) + count
+        return dict(sorted(((k, v) for k, v in total.items() if v), key=lambda item: -item[1]))
+
+    @property
+    def tried(self) -> dict[str, int]:
+        """How much was tried and is judged, by kind."""
+        total: dict[str, int] = {}
+        for row in self.judged or self.records:
+            total[row["what"]] = total.get(row["what"], 0) + row["tried"]
+        return total
+
+    @property
+    def bound(self) -> float:
+        """Upper bound (95 %) on the rate of failures of what is judged."""
+        return rate_bound(sum(self.wrong.values()), sum(self.tried.values()))
+
+
+def run(checks: Sequence[Check], plan: Plan, listener: Listener) -> list[Result]:
+    """Run what is not finished yet; a KeyboardInterrupt leaves what is."""
+    if plan.folder is not None:
+        ResultsFolder(plan.folder).prepare("")
+    finished = _finished(plan)
+    results = []
+    for check in checks:
+        units = list(check.units(plan))
+        todo = [_identity(check, unit, plan) for unit in units]
+        listener.begin(check, len(units), sum(key in finished for key in todo))
+        rows = []
+        for unit, key in zip(units, todo, strict=True):
+            if key not in finished:
+                listener.unit(f"{check.id} {unit.name}")
+                finished[key] = _run_unit(check, unit, plan)
+                listener.unit_done()
+            rows.append(finished[key])
+        results.append(Result(check, tuple(rows)))
+        listener.end(results[-1])
+    return results
+
+
+def run_unit(unit: Unit) -> Outcome:
+    """What a unit finds; an exception is a failure like any other."""
+    try:
+        return unit.run()
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other units have their turn
+        outcome = Outcome(what="units")
+        text = f"{unit.name}: {type(error).__name__}: {one_sentence(error)}"
+        outcome.add("exception", 1, 1, lambda: Failure(text))
+        return outcome
+
+
+def _run_unit(check: Check, unit: Unit, plan: Plan) -> Record:
+    start = time.perf_counter()
+    outcome = run_unit(unit)
+    row = {
+        **dict(zip(_IDENTITY, _identity(check, unit, plan), strict=True)),
+        "spec": unit.spec,
+        "tried": outcome.tried,
+        "what": outcome.what,
+        "wrong": outcome.wrong,
+        "judged": outcome.judged,
+        "figures": outcome.figures,
+        "failures": [_kept(failure, check, plan) for failure in outcome.failures],
+        "seconds": round(time.perf_counter() - start, 3),
+        **describe(),
+    }
+    if plan.folder is not None:
+        append(plan.folder / "records.jsonl", row)
+    return row
+
+
+def _kept(failure: Failure, check: Check, plan: Plan) -> str:
+    """The failure's sentence, with the command that replays it if its case could be written down."""
+    if failure.case is None or plan.folder is None:
+        return failure.text
+    content = json.dumps(failure.case, indent=1) + "\n"
+    file = plan.folder / "cases" / f"{check.id}-{hashlib.sha256(content.encode()).hexdigest()[:12]}.json"
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(content, encoding="utf-8")
+    return f"{failure.text}; replay it: mitsuba-bsp verify --replay {file}"
+
+
+def _identity(check: Check, unit: Unit, plan: Plan) -> tuple[Any, ...]:
+    full = plan.full_name(unit.spec)
+    return check.id, unit.name, full, plan.seed, plan.scale, plan.share_of(unit.spec), _sources()
+
+
+def _finished(plan: Plan) -> dict[tuple[Any, ...], Record]:
+    """The records of earlier runs into the folder; units that ended in an exception are tried again."""
+    if plan.folder is None:
+        return {}
+    rows: list[Mapping[str, Any]] = ResultsFolder(plan.folder).records()
+    return {tuple(row[key] for key in _IDENTITY): row for row in rows if "exception" not in row["wrong"]}
+
+
+@cache
+def _sources() -> str:
+    """A digest of what decides the answers: the compiled core and the checks."""
+    digest = hashlib.sha256(Path(_core.__file__).read_bytes())
+    for file in sorted(Path(__file__).parent.rglob("*.*")):
+        if file.suffix in (".py", ".json"):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,82 @@
+"""The volumes of a tree's cells, which are convex polyhedra kept as lists of faces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .audit import NeutralTree
+from .polygons import Polygons, Real, cut, heights
+
+
+def cell_volumes(tree: NeutralTree) -> NDArray[np.float64]:
+    """Of every node's cell; the root's is its box. Works downward, all cells of a depth at once."""
+    volumes = np.zeros(len(tree.is_leaf))
+    owners, faces = np.zeros(6, int), _box_faces(tree.box)
+    while len(owners):
+        _add_volumes(volumes, owners, faces)
+        inner = ~tree.is_leaf[owners]
+        owners, faces = owners[inner], faces[inner]
+        if not len(owners):
+            break
+        height = heights(faces, tree.normals[owners], tree.offsets[owners])
+        parts = []
+        for sign, child in ((1, lambda nodes: nodes + 1), (-1, lambda nodes: tree.above[nodes].astype(int))):
+            kept, exists = cut(faces, sign * height)
+            caps, cap_owners = _caps(tree, owners, faces, height)
+            parts += [(child(owners[exists]), kept), (child(cap_owners), caps)]
+        width = max(polygons.shape[1] for _, polygons in parts)
+        owners = np.concatenate([nodes for nodes, _ in parts])
+        faces = np.concatenate(
+            [np.pad(polygons, ((0, 0), (0, width - polygons.shape[1]), (0, 0)), mode="edge") for _, polygons in parts]
+        )
+    return volumes
+
+
+def _box_faces(box: NDArray[np.float64]) -> Polygons:
+    faces = []
+    for axis in range(3):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        for side in box:
+            face = np.tile(side, (4, 1))
+            face[:, i] = box[[0, 1, 1, 0], i]
+            face[:, j] = box[[0, 0, 1, 1], j]
+            faces.append(face)
+    return np.array(faces, Real)
+
+
+def _add_volumes(volumes: NDArray[np.float64], owners: NDArray[np.intp], faces: Polygons) -> None:
+    """Pyramids from a point inside each cell over its faces."""
+    cells, cell = np.unique(owners, return_inverse=True)
+    middle = np.zeros((len(cells), 3), Real)
+    np.add.at(middle, cell, faces.mean(axis=1))
+    middle /= np.bincount(cell)[:, None]
+    seen = faces - middle[cell][:, None]
+    fans = np.einsum("mkj,mkj->mk", np.cross(seen[:, :1], seen[:, 1:-1]), seen[:, 2:])
+    np.add.at(volumes, owners, np.abs(fans.sum(axis=1)).astype(float) / 6)
+
+
+def _caps(
+    tree: NeutralTree, owners: NDArray[np.intp], faces: Polygons, height: NDArray[np.longdouble]
+) -> tuple[Polygons, NDArray[np.intp]]:
+    """The polygon in which each cell meets its own plane: where the plane crosses edges, in order of the angle."""
+    following, height_following = np.roll(faces, -1, axis=1), np.roll(height, -1, axis=1)
+    crossing = (height <= 0) != (height_following <= 0)
+    step = np.where(crossing, height - height_following, Real(1))
+    points = (faces + (following - faces) * (height / step)[..., None])[crossing]
+    cell_of_point = np.repeat(owners, crossing.sum(axis=1))
+    if not len(points):
+        return np.empty((0, 3, 3), Real), np.empty(0, int)
+    cells, cell, numbers = np.unique(cell_of_point, return_inverse=True, return_counts=True)
+    middle = np.zeros((len(cells), 3), Real)
+    np.add.at(middle, cell, points)
+    middle /= numbers[:, None]
+    normal = tree.normals[cells]
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+    second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
+    seen = points - middle[cell]
+    angle = np.arctan2((seen * second[cell]).sum(axis=1), (seen * first[cell]).sum(axis=1))
+    order = np.lexsort((angle, cell))
+    starts = np.concatenate([[0], np.cumsum(numbers)[:-1]])
+    columns = np.minimum(np.arange(max(3, numbers.max()))[None], numbers[:, None] - 1)
+    return points[order][starts[:, None] + columns], cells
