@@ -184,6 +184,20 @@ NB_MODULE(_core, m) {
         },
         "tree"_a);
 
+    m.def(
+        "traits",
+        [](const std::string &tree, const OptionMap &options) {
+            const bsp::TreeTraits traits = bsp::traits_of(bsp::make_settings(tree, to_options(options)));
+            nb::dict result;
+            result["planes"] = traits.planes;
+            result["from_triangles"] = traits.from_triangles;
+            result["drawn"] = traits.drawn;
+            result["planes_per_triangle"] = traits.planes_per_triangle;
+            result["recurring_per_triangle"] = traits.recurring_per_triangle;
+            return result;
+        },
+        "tree"_a, "options"_a);
+
     nb::class_<Tree>(m, "Accelerator")
         .def(nb::init<const Rows3 &, const Faces &, const std::string &, const OptionMap &, const std::string &,
                       const std::string &>(),

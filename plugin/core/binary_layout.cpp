@@ -111,10 +111,11 @@ void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &
     }
 }
 
-BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set) {
+BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set, bool families) {
     BinaryLayout layout;
     layout.box = packed_box(set);
-    layout.families = find_families(tree);
+    if (families)
+        layout.families = find_families(tree);
     layout.splits = splits_of(tree, layout.families);
     layout.plane_tolerance = packed_tolerance(tree);
     NodeWriter writer(tree, layout);

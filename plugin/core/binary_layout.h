@@ -100,7 +100,8 @@ float packed_tolerance(const Tree &tree);
 void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
                 LargePageVector<TriangleBlock> &blocks);
 
-/// Throws std::length_error if the tree does not fit 26-bit indices.
-BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set);
+/// Nodes know families of planes where there are few and `families` lets them. Throws std::length_error if the tree
+/// does not fit 26-bit indices.
+BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set, bool families = true);
 
 } // namespace bsp

@@ -80,7 +80,7 @@ std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set,
         return finish(WideWalk<Test, Simd::avx512, mode>{}, pack_wide(tree, set));
     if (settings.layout == LayoutKind::wide)
         return finish(WideWalk<Test, Simd::avx2, mode>{}, pack_wide(tree, set));
-    BinaryLayout layout = pack_binary(tree, set);
+    BinaryLayout layout = pack_binary(tree, set, settings.cached_dots);
     switch (layout.splits) {
     case Splits::axes:
         return finish(BinaryWalk<Test, Splits::axes, mode>{}, std::move(layout));

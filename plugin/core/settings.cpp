@@ -195,6 +195,10 @@ std::vector<Key> direction_keys() {
                                "kdop: components -1, 0 and 1, k is 3, 7, 9 or 13; spiral: the axes and a golden-ratio "
                                "spiral, k from 3 up",
                                For::rbsp, directions_words, [](Settings &s) -> DirectionSet & { return s.directions; }),
+        flag_key("cached_dots",
+                 "binary nodes: dot products of a ray with the directions are computed once per ray (Budge et al. "
+                 "2008); if not, in every node",
+                 For::rbsp, [](Settings &s) -> bool & { return s.cached_dots; }),
         word_key<AxesPolicy>(
             "axes", "x, y, z among the directions: none; plain, as any other; fast, with kd nodes of their own",
             For::drawn, axes_words, [](Settings &s) -> AxesPolicy & { return s.axes; }),
@@ -339,6 +343,8 @@ void apply_preset(CostPreset preset, std::optional<LayoutKind> layout, Settings 
 void check_together(const Settings &s) {
     if (s.simd == Simd::avx512 && !has_avx512())
         refuse("simd=avx512 is not valid here: this processor lacks AVX-512 F, VL, DQ or BW; simd is auto or avx2");
+    if (!s.cached_dots && s.layout == LayoutKind::wide)
+        refuse("cached_dots=false is not valid with layout=wide, whose nodes never cache them; layout=binary does");
     const std::string k = "k=" + std::to_string(s.k);
     if (s.tree == TreeKind::rbsp) {
         const bool kdop = s.k == 3 || s.k == 7 || s.k == 9 || s.k == 13;
@@ -411,6 +417,30 @@ std::vector<SettingHelp> settings_help(const std::string &tree) {
     for (const Key *key : keys_of(defaults.tree))
         help.push_back({key->name, key->values, key->meaning, key->get(defaults)});
     return help;
+}
+
+TreeTraits traits_of(const Settings &s) {
+    const int axes = s.axes == AxesPolicy::none ? 0 : 6, swept = 2 * s.k;
+    const std::string besides = s.axes == AxesPolicy::none ? "" : "x, y, z and ";
+    switch (s.tree) {
+    case TreeKind::kd:
+        return {"x, y, z", false, false, 6, 6};
+    case TreeKind::rbsp:
+        return {"one set of directions for the whole tree, x, y, z among them", false, false, swept, swept};
+    case TreeKind::ize:
+        return {"x, y, z, and along every triangle four planes: its own, and those through its edges "
+                "perpendicular to it",
+                true, false, 10, 10};
+    case TreeKind::random:
+        return {besides + "random directions, new in every node", false, true, swept, axes};
+    case TreeKind::normals:
+        return {besides + "the normals of random triangles of the node", true, true, swept, axes};
+    case TreeKind::clustered:
+        return {besides + "the centres of a clustering of the node's normals", true, true, swept, axes};
+    case TreeKind::brute:
+        break;
+    }
+    return {"none: every triangle is tested", false, false, 0, 0};
 }
 
 } // namespace bsp

@@ -82,6 +82,7 @@ struct Settings {
     AxesPolicy axes = AxesPolicy::fast;
     std::uint64_t seed = 0;
     DirectionSet directions = DirectionSet::kdop;
+    bool cached_dots = true; ///< binary nodes: n.o and n.d once per ray and direction, where directions are few
     Weighting weighting = Weighting::triangle;
     TriangleTest triangle_test = TriangleTest::woop;
     LayoutKind layout = LayoutKind::wide;
@@ -126,5 +127,15 @@ std::string full_spec(const Settings &settings);
 
 /// What the settings mean, in the same order; `tree` as in `make_settings`.
 std::vector<SettingHelp> settings_help(const std::string &tree);
+
+/// What a tree says of itself: the planes that a node of n triangles looks at. Table 2.1 of Hoobergs's draft.
+struct TreeTraits {
+    std::string planes;         ///< in words
+    bool from_triangles;        ///< they depend on the normals of the node's triangles
+    bool drawn;                 ///< some are drawn at random, from `seed`
+    int planes_per_triangle;    ///< looked at in a node, at most: this times n
+    int recurring_per_triangle; ///< of these, those that the nodes below look at again, unless they are cut off
+};
+TreeTraits traits_of(const Settings &settings);
 
 } // namespace bsp

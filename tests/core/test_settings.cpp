@@ -91,6 +91,27 @@ TEST(Settings, FixedDirectionsHaveSetsOfTheirOwn) {
     EXPECT_NE(message_of("normals", {{"directions", "kdop"}}), "");
 }
 
+TEST(Settings, OnlyBinaryNodesCacheDotProducts) {
+    EXPECT_EQ(message_of("rbsp", {{"cached_dots", "false"}, {"layout", "binary"}}), "");
+    EXPECT_EQ(message_of("rbsp", {{"cached_dots", "false"}}),
+              "cached_dots=false is not valid with layout=wide, whose nodes never cache them; layout=binary does");
+    EXPECT_NE(message_of("random", {{"cached_dots", "false"}}), "");
+}
+
+TEST(Settings, TreesTellWhichPlanesTheyLookAt) {
+    const auto planes = [](const char *tree, const Options &options) {
+        const TreeTraits traits = traits_of(make_settings(tree, options));
+        EXPECT_NE(traits.planes, "");
+        return std::pair(traits.planes_per_triangle, traits.recurring_per_triangle);
+    };
+    EXPECT_EQ(planes("kd", {}), std::pair(6, 6));
+    EXPECT_EQ(planes("rbsp", {{"k", "9"}}), std::pair(18, 18));
+    EXPECT_EQ(planes("ize", {}), std::pair(10, 10));
+    EXPECT_EQ(planes("normals", {{"k", "8"}}), std::pair(16, 6));
+    EXPECT_EQ(planes("random", {{"k", "8"}, {"axes", "none"}}), std::pair(16, 0));
+    EXPECT_EQ(planes("brute", {}), std::pair(0, 0));
+}
+
 TEST(Settings, PresetsAreDefaultsWhereverTheyStand) {
     const Settings thesis = make_settings("normals", {{"alpha", "0.2"}, {"clip", "true"}, {"cost", "thesis"}});
     EXPECT_EQ(thesis.cost.intersection_cost, 80);

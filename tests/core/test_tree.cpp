@@ -159,11 +159,13 @@ TEST(Tree, SecondAttemptAtTheConstantPriceDecides) {
 
 TEST(Tree, FewDirectionsAreFamiliesOfPlanes) {
     const TriangleSet set = random_soup(2000, 15);
-    const BinaryLayout rbsp =
-        pack_binary(build_tree(set, make_settings("rbsp", {{"axes", "plain"}, {"intersection_cost", "1"}})), set);
+    const Tree tree = build_tree(set, make_settings("rbsp", {{"axes", "plain"}, {"intersection_cost", "1"}}));
+    const BinaryLayout rbsp = pack_binary(tree, set);
     EXPECT_EQ(rbsp.splits, Splits::families);
     EXPECT_EQ(rbsp.families.size(), 13u);
-    EXPECT_EQ(pack_binary(build_tree(set, make_settings("random", {{"axes", "none"}})), set).splits, Splits::planes);
+    EXPECT_EQ(pack_binary(tree, set, false).splits, Splits::planes);
+    const Tree random = build_tree(set, make_settings("random", {{"axes", "none"}}));
+    EXPECT_EQ(pack_binary(random, set).splits, Splits::planes);
 }
 
 TEST(Tree, UnclippedTrianglesAreListedInMoreLeaves) {

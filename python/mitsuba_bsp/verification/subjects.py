@@ -15,7 +15,7 @@ VARIANT_SHARE = 0.1
 #: What no list of names in a setting's documentation leads to: trees that are deeper, shallower, of other directions.
 MORE_OF_EACH = ("intersection_cost=2",)
 MORE = {
-    "rbsp": ("directions=spiral,k=8",),
+    "rbsp": ("directions=spiral,k=8", "layout=binary,cached_dots=false"),
     "normals": ("k=3", "k=32", "axes=none,k=1", "leaf_size=64", "max_depth=3"),
 }
 
