@@ -19,6 +19,7 @@ from . import (
     diff_cli,
     plugin_dir,
     specs,
+    study_cli,
     verify_cli,
 )
 from .bench_cli import add_spec_option
@@ -86,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     for kind in (bench_rays_cli, bench_render_cli, bench_build_cli, bench_thesis_cli):
         kind.add_command(kinds)
     calibrate_cli.add_command(commands)
+    study_cli.add_command(commands)
     diff_cli.add_command(commands)
     verify_cli.add_command(commands)
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import mitsuba as mi
 import numpy as np
@@ -68,6 +69,10 @@ class Contender:
             return {}
         found = self.tree.count(*stream.arrays, stream.any_hit)
         return {key: int(found[key].sum()) for key in COUNTERS}
+
+    def statistics(self) -> dict[str, Any]:
+        """Sizes of the tree and what its building took; empty for Embree and Mitsuba's kd-tree, which do not tell."""
+        return json.loads(self.tree.statistics()) if self.spec.is_tree else {}
 
     def sha256(self) -> str | None:
         """Of nodes and leaves; None for Embree, which keeps them to itself."""

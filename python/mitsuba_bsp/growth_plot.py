@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .build_table import Growth
+from .figures import GUIDE, new_figure, plain, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,10 +17,7 @@ if TYPE_CHECKING:
 
 def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]:
     """Write growth.png and growth.svg: a point a size, the fitted powers, and n log n for the eye."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    figure = new_figure(6.4, 4.4)
     axes = figure.add_subplot(xscale="log", yscale="log", xlabel="triangles", ylabel="build time (s)", title=title)
     for growth, marker in zip(found, "osD^vPX*" * len(found), strict=False):
         if growth.law is None:
@@ -30,18 +28,11 @@ def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]
         label = f"{growth.spec}: $n^{{{exponent.value:.2f}}}$ [{exponent.low:.2f}, {exponent.high:.2f}]"
         axes.plot(growth.triangles, growth.seconds, marker, color=line.get_color(), label=label)
         guide = growth.seconds[0] * n * np.log(n) / (n[0] * np.log(n[0]))
-        axes.plot(n, guide, color="0.55", linewidth=0.8, linestyle=":", zorder=1)
-    axes.plot([], [], color="0.55", linewidth=0.8, linestyle=":", label="n log n, from the smallest size")
+        axes.plot(n, guide, color=GUIDE, linewidth=0.8, linestyle=":", zorder=1)
+    axes.plot([], [], color=GUIDE, linewidth=0.8, linestyle=":", label="n log n, from the smallest size")
     _label_ticks(axes, sorted({size for growth in found for size in growth.triangles}))
-    axes.grid(which="major", color="0.9", linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
-    files = [folder / "growth.png", folder / "growth.svg"]
-    # Ids and dates would make the same figure another file every time.
-    with mpl.rc_context({"svg.hashsalt": "growth"}):
-        for file in files:
-            figure.savefig(file, dpi=160, metadata={"Date": None} if file.suffix == ".svg" else {"Software": None})
-    return files
+    plain(axes).legend(frameon=False)
+    return save_figure(figure, folder, "growth")
 
 
 def _label_ticks(axes: Axes, sizes: Sequence[int]) -> None:

@@ -15,7 +15,10 @@ from typing import Any, Literal
 
 from .messages import one_sentence
 
-Kind = Literal["inspect", "count", "time", "render", "blame", "record", "replay", "frames", "build", "grow"]
+Kind = Literal[
+    "inspect", "count", "time", "render", "blame", "record", "replay", "frames", "build", "grow",
+    "work", "planes", "normals", "slice",
+]  # fmt: skip
 
 #: How an accelerator that gives recorded answers is called beside the specs.
 FREE = "free"
@@ -39,6 +42,9 @@ class Job:
     `frames` times rendering under each of `specs`, on one thread with recorded answers too, which are in the file
     `streams` for a moment.
     `build` measures building alone; `grow` likewise, of a tree over its meshes tessellated to `triangles`.
+    `work` counts what the rays in `streams` cost under `spec`; `planes`, `normals` and `slice` look at the tree itself:
+    see the modules of these names in `studies`. What they find besides numbers goes into the file `arrays`; `choices`
+    are the options of the study.
     `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
     `cache` is the folder in which trees are kept, if any.
     """
@@ -60,6 +66,8 @@ class Job:
     streams: str = ""
     max_rays: int = 0
     triangles: int = 0
+    arrays: str = ""
+    choices: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

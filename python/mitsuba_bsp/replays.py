@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from .attempts import Attempts
@@ -49,7 +50,7 @@ class _Run:
             spp=self.options.spp,
             resolution=self.options.resolution,
             seed=SEED,
-            streams=str((self.folder.path / "streams" / f"{scene.name}.npz").absolute()),
+            streams=str(streams_file(self.folder, scene)),
             **more,
         )
 
@@ -70,27 +71,33 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
     for scene in todo:
-        if _record(run, scene):
+        if record_streams(options, folder, run.attempts, scene):
             _replay(run, scene)
         else:
             listener.finish()
     return scenes, run.attempts.failures
 
 
+def streams_file(folder: ResultsFolder, scene: SceneInfo) -> Path:
+    """Where a scene's recorded rays are kept."""
+    return (folder.path / "streams" / f"{scene.name}.npz").absolute()
+
+
+def record_streams(options: RayOptions, folder: ResultsFolder, attempts: Attempts, scene: SceneInfo) -> bool:
+    """Make sure that the scene's rays are in their file; False if recording them failed."""
+    origin = {**context(options, scene), "max_rays": options.max_rays}
+    if is_recorded(streams_file(folder, scene), origin):
+        attempts.listener.finish()
+        return True
+    run = _Run(options, attempts.listener, folder, attempts)
+    job = run.job(scene, kind="record", threads=1, max_rays=options.max_rays, header=origin)
+    return run.attempt(scene, job) is not None
+
+
 def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) -> list[Record]:
     """The records of the last replay of a scene that has all the runs that are asked for; empty if there is none."""
     rows = of(folder.records(), scene=scene.name, max_rays=options.max_rays)
     return newest_run(rows, "replay", [spec.text for spec in options.specs], options.repeats)
-
-
-def _record(run: _Run, scene: SceneInfo) -> bool:
-    """Make sure that the scene's streams are there."""
-    origin = {**context(run.options, scene), "max_rays": run.options.max_rays}
-    job = run.job(scene, kind="record", threads=1, max_rays=run.options.max_rays, header=origin)
-    if is_recorded(run.folder.path / "streams" / f"{scene.name}.npz", origin):
-        run.listener.finish()
-        return True
-    return run.attempt(scene, job) is not None
 
 
 def _replay(run: _Run, scene: SceneInfo) -> None:

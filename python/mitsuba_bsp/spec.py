@@ -131,6 +131,12 @@ def make_spec(name: str, options: Mapping[str, str], text: str) -> Spec:
     return Spec(text, name, dict(options), settings, f"{name}:{listed}" if listed else name)
 
 
+def spec_text(name: str, **options: Value | None) -> str:
+    """The spec with these options; those that are None are left out."""
+    pairs = ",".join(f"{key}={value_text(value)}" for key, value in options.items() if value is not None)
+    return f"{name}:{pairs}" if pairs else name
+
+
 def value_text(value: Value) -> str:
     """A value as it is written in a spec."""
     if isinstance(value, bool):

@@ -166,6 +166,13 @@ def load(path: Path) -> list[Stream]:
     return streams
 
 
+def recorded_resolution(path: Path) -> tuple[int, int]:
+    """Width and height of the frame whose rays a file holds."""
+    with np.load(path) as arrays:
+        width, height = json.loads(str(arrays["origin"]))["resolution"]
+    return width, height
+
+
 def is_recorded(path: Path, origin: Mapping[str, Any]) -> bool:
     """Whether the file holds streams made exactly so."""
     if not path.is_file():

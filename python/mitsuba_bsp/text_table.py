@@ -29,7 +29,9 @@ def print_text_tables(console: Console, tables: Sequence[TextTable], failures: S
             *found.head, title=found.title, title_justify="left", box=rich.box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
         )
         for column in table.columns[1:]:
-            column.justify, column.no_wrap = "right", True
+            column.justify = "right"
+        for column in table.columns:  # or those that may be wrapped would vanish where the terminal is narrow
+            column.no_wrap = True
         for row in found.rows:
             table.add_row(*row)
         console.print(table)

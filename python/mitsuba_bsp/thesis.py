@@ -26,41 +26,92 @@ class Counters:
     steps: float
 
 
-#: J. Hoobergs, master's thesis, KU Leuven 2019, final text: counters of pbrt-v3's path tracer.
-PUBLISHED: Mapping[str, Mapping[str, Counters]] = {
-    "feet": {
-        "normals:k=6,axes=fast,cost=thesis": Counters(19, 83),
-        "clustered:k=6,axes=fast,cost=thesis": Counters(19, 83),
-        "random:k=10,axes=fast,cost=thesis": Counters(35, 96),
-        "rbsp:k=13,axes=fast,cost=thesis": Counters(42, 95),
-        "rbsp:k=13,axes=plain,cost=thesis": Counters(44, 91),
-        "ize:axes=fast,cost=thesis": Counters(76, 100),
-        "ize:axes=plain,cost=thesis": Counters(73, 97),
-    },
-    "sponza": {
-        "normals:k=6,axes=fast,cost=thesis": Counters(59, 99),
-        "clustered:k=6,axes=fast,cost=thesis": Counters(59, 99),
-        "random:k=10,axes=fast,cost=thesis": Counters(50, 108),
-        "rbsp:k=13,axes=fast,cost=thesis": Counters(78, 117),
-        "rbsp:k=13,axes=plain,cost=thesis": Counters(209, 141),
-        "ize:axes=fast,cost=thesis": Counters(157, 117),
-        "ize:axes=plain,cost=thesis": Counters(390, 130),
-    },
-    "conference": {
-        "normals:k=6,axes=fast,cost=thesis": Counters(47, 97),
-        "clustered:k=6,axes=fast,cost=thesis": Counters(54, 96),
-        "random:k=10,axes=fast,cost=thesis": Counters(53, 108),
-        "rbsp:k=13,axes=fast,cost=thesis": Counters(73, 110),
-        "rbsp:k=13,axes=plain,cost=thesis": Counters(98, 125),
-        "ize:axes=fast,cost=thesis": Counters(83, 107),
-        "ize:axes=plain,cost=thesis": Counters(128, 117),
-    },
+@dataclass(frozen=True)
+class Published(Counters):
+    """The same, and render time (R) in percent of the kd-tree's, build time (B) as a multiple of it."""
+
+    render: float
+    build: float
+
+
+#: What is in the rows of PUBLISHED.
+PUBLISHED_TREES = (
+    "normals:k=6,axes=fast",
+    "clustered:k=6,axes=fast",
+    "random:k=10,axes=fast",
+    "rbsp:k=13,axes=fast",
+    "rbsp:k=13,axes=plain",
+    "ize:axes=fast",
+    "ize:axes=plain",
+)
+
+#: R, B, I, T of PUBLISHED_TREES: J. Hoobergs, master's thesis, KU Leuven 2019, final text; path tracer of pbrt-v3.
+_PUBLISHED = {
+    "feet": (
+        (68, 113, 19, 83), (68, 117, 19, 83), (80, 178, 35, 96), (84, 257, 42, 95), (83, 251, 44, 91),
+        (95, 196, 76, 100), (94, 211, 73, 97),
+    ),
+    "sponza": (
+        (80, 95, 59, 99), (80, 97, 59, 99), (86, 161, 50, 108), (94, 236, 78, 117), (131, 237, 209, 141),
+        (109, 353, 157, 117), (165, 359, 390, 130),
+    ),
+    "conference": (
+        (79, 87, 47, 97), (79, 88, 54, 96), (87, 154, 53, 108), (93, 222, 73, 110), (101, 223, 98, 125),
+        (93, 256, 83, 107), (105, 268, 128, 117),
+    ),
+    "museum": (
+        (63, 115, 27, 94), (66, 121, 29, 95), (78, 218, 37, 106), (78, 249, 55, 105), (482, 250, 1376, 109),
+        (85, 918, 58, 107), (88, 901, 73, 109),
+    ),
+}  # fmt: skip
+
+#: What was published, by scene and spec.
+PUBLISHED: Mapping[str, Mapping[str, Published]] = {
+    scene: {
+        f"{tree},cost=thesis": Published(tests, steps, render, build)
+        for tree, (render, build, tests, steps) in zip(PUBLISHED_TREES, rows, strict=True)
+    }
+    for scene, rows in _PUBLISHED.items()
 }
 
+#: Its render times by number of directions, axes `fast`, in percent of the kd-tree's: feet, sponza, conference.
+PUBLISHED_BY_K: Mapping[str, Mapping[int, tuple[float, float, float]]] = {
+    "normals": {
+        3: (101.5, 95.2, 97.2), 4: (72.1, 83.3, 79.2), 6: (67.7, 80.4, 78.6), 8: (67.0, 80.0, 80.7),
+        10: (67.1, 83.7, 80.2),
+    },
+    "clustered": {
+        3: (101.6, 95.8, 96.5), 4: (78.1, 87.2, 83.6), 6: (67.8, 80.3, 79.3), 8: (67.3, 80.1, 79.7),
+        10: (66.9, 83.8, 80.2),
+    },
+    "random": {
+        3: (101.3, 95.1, 97.3), 4: (92.3, 90.9, 92.7), 6: (84.5, 88.4, 90.5), 8: (81.6, 85.5, 90.1),
+        10: (80.2, 85.5, 87.1),
+    },
+}  # fmt: skip
+
+#: The scenes of PUBLISHED_BY_K, in its order.
+SCENES_BY_K = ("feet", "sponza", "conference")
+
 #: Its scenes, in thousands of triangles.
-PUBLISHED_TRIANGLES = {"feet": 33, "sponza": 227, "conference": 124}
+PUBLISHED_TRIANGLES = {"feet": 33, "sponza": 227, "conference": 124, "museum": 1460}
+
+#: Scenes that take the place of one of the thesis's that is not to be had.
+STAND_INS = {"sanmiguel": "museum"}
+
+#: Scenes whose triangles differ by more than this share are not the same.
+_SAME_SCENE = 0.02
 
 SPECS = (BASELINE, *PUBLISHED["feet"])
+
+
+def published_scene(scene: str, triangles: int) -> tuple[str, bool] | None:
+    """The thesis's scene of this name, or that this one stands in for, and whether it is the same; None without one."""
+    name = STAND_INS.get(scene, scene)
+    thousands = PUBLISHED_TRIANGLES.get(name)
+    if thousands is None:
+        return None
+    return name, name == scene and abs(triangles / 1e3 - thousands) <= _SAME_SCENE * thousands
 
 
 def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:

@@ -7,13 +7,10 @@ from collections.abc import Sequence
 from .comparison import Options, SceneInfo
 from .records import Record, ResultsFolder
 from .text_table import TextTable
-from .thesis import BASELINE, PUBLISHED, PUBLISHED_TRIANGLES, Counters, per_ray, percent
+from .thesis import BASELINE, PUBLISHED, PUBLISHED_TRIANGLES, Counters, per_ray, percent, published_scene
 
 #: Points of percentage by which ours may differ from the published number.
 TOLERANCE = 10
-
-#: Scenes whose triangles differ by more than this share are not the same.
-_SAME_SCENE = 0.02
 
 _OURS = ("spec", "tests/ray", "steps/ray", "I %", "T %")
 _THEIRS = ("thesis I", "off", "within", "thesis T", "off", "within")
@@ -55,10 +52,10 @@ def _scene_table(scene: SceneInfo, rows: Sequence[Record]) -> TextTable:
 
 def _other_scene(scene: SceneInfo) -> str:
     """A warning where the thesis had another scene of this name."""
-    thousands = PUBLISHED_TRIANGLES.get(scene.name)
-    if thousands is None or abs(scene.triangles / 1e3 - thousands) <= _SAME_SCENE * thousands:
+    published = published_scene(scene.name, scene.triangles)
+    if published is None or published[1]:
         return ""
-    return f" (not the same scene: the thesis's has {thousands},000)"
+    return f" (not the same scene: the thesis's has {PUBLISHED_TRIANGLES[published[0]]},000)"
 
 
 def _ours(row: Record, baseline: Record) -> tuple[str, ...]:

@@ -28,6 +28,8 @@ from .ray_jobs import record, replay
 from .render_setup import filter_name, fix_block_size, has_box_filter, set_resolution
 from .rendering import Stage, construct, load, render, samples
 from .scene_hash import referenced_file, scene_hash
+from .studies import normals, planes, work
+from .studies import slice as cross_section
 from .swap import GroupOptions
 from .tree_statistics import statistics
 
@@ -210,6 +212,10 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "frames": time_frames,
     "build": build,
     "grow": grow,
+    "work": work.measure,
+    "planes": planes.measure,
+    "normals": normals.measure,
+    "slice": cross_section.measure,
 }
 
 if __name__ == "__main__":

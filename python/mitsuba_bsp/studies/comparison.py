@@ -1,0 +1,312 @@
+"""Section 5.3 of the thesis: all trees, Mitsuba's kd-tree and Embree, beside what was published.
+
+Every tree is built three ways: by the thesis's rules, and by ours with nodes of one plane (binary) and of seven (wide).
+Percent are always of `kd` built the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from statistics import median
+from typing import TYPE_CHECKING
+
+from ..inference import adjusted, finding
+from ..intervals import median_interval
+from ..records import Record, ResultsFolder
+from ..spec import parse_spec
+from ..speeds import NONE
+from ..text_table import TextTable
+from ..thesis import PUBLISHED, PUBLISHED_TREES, published_scene
+from .runs import (
+    ANY_STEPS,
+    ANY_TESTS,
+    AXIS_STEPS,
+    BUILD,
+    RENDER,
+    SIZE,
+    STEPS,
+    TESTS,
+    Quantity,
+    Runs,
+    spec_of,
+)
+from .study import Cell, Study, StudyOptions, timed_and_counted
+from .verdicts import Evidence, Verdict, judge, percent
+
+if TYPE_CHECKING:
+    from argparse import _ArgumentGroup as OptionGroup
+
+    from matplotlib.figure import Figure
+
+#: How trees are built, by what is added to their specs.
+WAYS = {"thesis": "cost=thesis", "binary": "layout=binary", "wide": ""}
+
+#: What is compared with what was published, as the thesis abbreviates it.
+PUBLISHED_QUANTITIES: dict[str, Quantity] = {
+    "R": RENDER,
+    "B": BUILD,
+    "I": TESTS,
+    "T": STEPS,
+}
+
+#: Published percentages nearer to 100 than this claim no difference.
+_NO_CLAIM = 2
+
+#: Leaves are listed by these numbers of triangles, from the one to below the next.
+_LEAF_SIZES = (0, 1, 2, 3, 5, 9, 17)
+
+_LEGEND = (
+    "Times are medians with 95 % bootstrap intervals; percent are of kd built the same way (cost=thesis; "
+    "layout=binary; or by default). I and T are triangle tests and interior steps of closest-hit rays, of camera and "
+    "bounces, in one frame; any: those of shadow rays. R is render time, B build time. A verdict on what was "
+    "published needs the same rules (cost=thesis) and the same scene, and a difference beyond the noise of this run; "
+    "probabilities are corrected for the number of comparisons on the scene (Benjamini, Hochberg)."
+)
+
+
+def with_setting(tree: str, setting: str) -> str:
+    """The spec with one more setting, unless that is empty."""
+    return f"{tree}{',' if ':' in tree else ':'}{setting}" if setting else tree
+
+
+def default_trees() -> list[str]:
+    """Every tree, built every way."""
+    return [with_setting(tree, added) for added in WAYS.values() for tree in ("kd", *PUBLISHED_TREES)]
+
+
+def add_options(group: OptionGroup) -> Sequence[str]:
+    """Which accelerators."""
+    group.add_argument("--specs", nargs="+", metavar="SPEC", help="default: native, embree, every tree built 3 ways")
+    return ("specs",)
+
+
+def plan(options: StudyOptions) -> list[Cell]:
+    """Times and work of all; seeded trees with another seed each time."""
+    specs = options.choices["specs"] or ["native", "embree", *default_trees()]
+    for text in specs:
+        if parse_spec(text).name == "brute":
+            raise ValueError("brute is no tree to be compared: leave it out of --specs")
+    return timed_and_counted(list(dict.fromkeys(specs)), options.repeats)
+
+
+def way_of(tree: str) -> str:
+    """How a tree is built: one of WAYS; Mitsuba's own accelerators count as the last, our default."""
+    settings = spec_of(tree).settings
+    if settings.get("cost") == "thesis":
+        return "thesis"
+    return str(settings.get("layout", "wide"))
+
+
+def baseline_of(runs: Runs, tree: str) -> str | None:
+    """The kd that is built the same way, if it is there."""
+    return next((t for t in runs.trees if spec_of(t).name == "kd" and way_of(t) == way_of(tree)), None)
+
+
+def tables(rows: Sequence[Record]) -> list[TextTable]:
+    """Per scene: times and counters, published percentages, shapes of trees; and a verdict on every claim."""
+    runs = Runs(rows)
+    noise = runs.noise()
+    found = [Findings(runs, scene, noise) for scene in runs.scenes]
+    published = [table for own in found for table in _published_tables(own)]
+    shapes = [table for scene in runs.scenes for table in (_leaf_table(runs, scene), _depth_table(runs, scene))]
+    return [*(_scene_table(own) for own in found), *published, *_verdict_tables(found), *shapes]
+
+
+class Findings:
+    """All effects of one scene against kd built the same way, their probabilities corrected together."""
+
+    def __init__(self, runs: Runs, scene: str, noise: float) -> None:
+        self.runs, self.scene, self.noise = runs, scene, noise
+        self.published_scene, self.same_scene = published_scene(scene, runs.triangles(scene)) or ("", False)
+        self._effects = {
+            (tree, name): effect
+            for tree in _ordered(runs)
+            for name, quantity in PUBLISHED_QUANTITIES.items()
+            if (kd := baseline_of(runs, tree)) and (effect := runs.effect(scene, tree, kd, quantity))
+        }
+        self._p = dict(zip(self._effects, adjusted(list(self._effects.values())), strict=True))
+
+    def evidence(self, tree: str, name: str) -> Evidence | None:
+        """How a quantity of a tree differs from kd's."""
+        effect = self._effects.get((tree, name))
+        if effect is None:
+            return None
+        p = self._p[tree, name]
+        noise = self.noise if name in "RB" else 0.0
+        return Evidence(self.scene, effect, p, finding(effect, p, noise))
+
+    def published(self, tree: str) -> dict[str, float]:
+        """What the thesis says about a tree on the scene, or on the one that it stands in for, in percent of kd's."""
+        found = PUBLISHED.get(self.published_scene, {}).get(tree)
+        return {"R": found.render, "B": 100 * found.build, "I": found.tests, "T": found.steps} if found else {}
+
+
+def _ordered(runs: Runs) -> list[str]:
+    """Mitsuba's own first, then ours as they are listed in the plan."""
+    return runs.ordered(["native", "embree", *default_trees()])
+
+
+def _scene_table(found: Findings) -> TextTable:
+    runs, scene = found.runs, found.scene
+
+    def cells(tree: str) -> tuple[str, ...]:
+        effect = found.evidence(tree, "R")
+        return (
+            _median(runs, scene, tree, BUILD, ".3f"),
+            _interval(list(runs.values(scene, tree, RENDER).values())),
+            percent(effect.effect if effect else None),
+            *(_median(runs, scene, tree, quantity, ".2f") for quantity in _COUNTERS),
+            _median(runs, scene, tree, SIZE, ".1f", 1e-6),
+            _median(runs, scene, tree, AXIS_STEPS, ".0%"),
+        )
+
+    return TextTable(
+        f"{runs.title(scene)} (noise {found.noise:.1%})",
+        ("spec", "build s", "render s", "R %", "I", "T", "any I", "any T", "MB", "steps in kd nodes"),
+        tuple((tree, *cells(tree)) for tree in _ordered(runs)),
+    )
+
+
+_COUNTERS: tuple[Quantity, ...] = (TESTS, STEPS, ANY_TESTS, ANY_STEPS)
+
+
+def _published_tables(found: Findings) -> Iterator[TextTable]:
+    """Ours and the thesis's percentages of R, B, I and T."""
+    trees = [tree for tree in _ordered(found.runs) if found.published(tree)]
+    if not trees:
+        return
+
+    def cells(tree: str) -> Iterator[str]:
+        for name, value in found.published(tree).items():
+            own = found.evidence(tree, name)
+            yield f"{100 * own.effect.ratio.value:.0f}" if own else NONE
+            yield f"{value:g}"
+
+    head = (f"{name}{suffix}" for name in "RBIT" for suffix in (" %", " thesis"))
+    title = f"{found.scene} beside the thesis's {found.published_scene}{'' if found.same_scene else ' (another scene)'}"
+    yield TextTable(title, ("spec", *head), tuple((tree, *cells(tree)) for tree in trees))
+
+
+def _verdict_tables(found: Sequence[Findings]) -> Iterator[TextTable]:
+    """A verdict for every published number that claims a difference, and one for each tree over all scenes."""
+    rows = []
+    for tree in _ordered(found[0].runs):
+        for name in PUBLISHED_QUANTITIES:
+            rows += _verdict_rows(tree, name, found)
+    if rows:
+        yield TextTable("what was published, and what is found", ("spec", "", "claim", "verdict", "why"), tuple(rows))
+
+
+def _verdict_rows(tree: str, name: str, found: Sequence[Findings]) -> Iterator[tuple[str, ...]]:
+    """One row for the scenes on which a quantity was published as smaller than kd's, and one for the others."""
+    by_claim: dict[str, list[Evidence]] = {"less": [], "more": []}
+    foreign: dict[str, list[str]] = {"less": [], "more": []}
+    for own in found:
+        value, evidence = own.published(tree).get(name, 100), own.evidence(tree, name)
+        if evidence is None or abs(value - 100) < _NO_CLAIM:
+            continue
+        claim = "less" if value < 100 else "more"
+        if own.same_scene:
+            by_claim[claim].append(evidence)
+        else:
+            foreign[claim].append(f"{own.scene} {100 * evidence.effect.ratio.value:.0f} %")
+    for claim, evidence in by_claim.items():
+        if not evidence and not foreign[claim]:
+            continue
+        verdict = judge(claim, evidence) if evidence else Verdict("open", "only other scenes were measured")
+        also = f"; another scene: {', '.join(foreign[claim])}" if foreign[claim] else ""
+        yield tree, name, f"{claim} than kd", verdict.word, verdict.why + also
+
+
+def _leaf_table(runs: Runs, scene: str) -> TextTable:
+    """How many leaves have how many triangles."""
+    bounds = [*_LEAF_SIZES, None]
+    names = [_size_name(low, high) for low, high in zip(bounds, bounds[1:], strict=False)]
+
+    def cells(row: Record) -> tuple[str, ...]:
+        stats = row["statistics"]
+        sizes, leaves = stats["leaf_sizes"], stats["leaves"]
+        shares = (sum(sizes[low:high]) / leaves for low, high in zip(bounds, bounds[1:], strict=False))
+        filled = max(1, leaves - stats["empty_leaves"])
+        return (
+            f"{leaves:,}",
+            f"{stats['references'] / stats['triangles']:.2f}",
+            f"{stats['references'] / filled:.2f}",
+            *(f"{share:.1%}" for share in shares),
+        )
+
+    rows = [(tree, row) for tree in _ordered(runs) if (row := tree_row(runs, scene, tree))]
+    return TextTable(
+        f"{scene}: leaves by their number of triangles",
+        ("spec", "leaves", "references per triangle", "per filled leaf", *names),
+        tuple((tree, *cells(row)) for tree, row in rows),
+    )
+
+
+def _size_name(low: int, high: int | None) -> str:
+    return f"{low} or more" if high is None else f"{low}" if high == low + 1 else f"{low} to {high - 1}"
+
+
+def _depth_table(runs: Runs, scene: str) -> TextTable:
+    """The share of kd nodes among interior nodes, by depth."""
+    rows = [(tree, row) for tree in _ordered(runs) if (row := tree_row(runs, scene, tree))]
+    depths = range(0, max((len(row["statistics"]["levels"]) for _, row in rows), default=0), 3)
+
+    def share(row: Record, depth: int) -> str:
+        value = axis_node_shares(row)
+        return f"{value[depth]:.0%}" if depth < len(value) and value[depth] is not None else NONE
+
+    return TextTable(
+        f"{scene}: the share of kd nodes among interior nodes, by depth",
+        ("spec", *map(str, depths)),
+        tuple((tree, *(share(row, depth) for depth in depths)) for tree, row in rows),
+    )
+
+
+def tree_row(runs: Runs, scene: str, tree: str) -> Record | None:
+    """The counted record of one of our trees."""
+    row = runs.first(scene, "work", tree)
+    return row if row and row["statistics"] else None
+
+
+def axis_node_shares(row: Record) -> list[float | None]:
+    """By depth; None where there are no interior nodes."""
+    levels = row["statistics"]["levels"]
+    inner = [(level["axis_nodes"], level["axis_nodes"] + level["oblique_nodes"]) for level in levels]
+    return [axis / total if total else None for axis, total in inner]
+
+
+def _interval(values: Sequence[float]) -> str:
+    if not values:
+        return NONE
+    found = median_interval(values)
+    return f"{found.value:.3f} [{found.low:.3f}, {found.high:.3f}]"
+
+
+def _median(runs: Runs, scene: str, tree: str, quantity: Quantity, form: str, scale: float = 1) -> str:
+    values = runs.values(scene, tree, quantity).values()
+    return format(scale * median(values), form) if values else NONE
+
+
+def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Figure]]:
+    """Percent of kd beside the thesis's, and what the trees look like by depth."""
+    from .comparison_figures import depth_figure, percent_figure
+
+    runs = Runs(rows)
+    yield "comparison", percent_figure(runs)
+    yield "comparison-depth", depth_figure(runs)
+
+
+STUDY = Study(
+    name="comparison",
+    help="all trees, native and embree, beside what the thesis published (section 5.3)",
+    title="All trees compared",
+    legend=_LEGEND,
+    plan=plan,
+    tables=tables,
+    figures=figures,
+    add_options=add_options,
+    repeats=5,
+    least_repeats=3,
+    repeated="runs of each, with other seeds where trees have one",
+)

@@ -1,0 +1,78 @@
+"""The figures of the comparison: percent of kd beside the thesis's, and the share of kd nodes by depth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..figures import COLOURS, GUIDE, new_figure, plain
+from ..spec import parse_spec
+from ..thesis import PUBLISHED_TREES
+from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, axis_node_shares, tree_row, with_setting
+from .runs import Runs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def percent_figure(runs: Runs) -> Figure:
+    """A row a scene, a column a quantity: our three ways to build, and what was published."""
+    names = {tree: number for number, tree in enumerate(reversed(PUBLISHED_TREES))}
+    figure = new_figure(13, 0.9 + 2.6 * len(runs.scenes))
+    grid = figure.subplots(len(runs.scenes), 4, sharey=True, squeeze=False)
+    noise = runs.noise()
+    for line, scene in zip(grid, runs.scenes, strict=True):
+        found = Findings(runs, scene, noise)
+        for panel, quantity in zip(line, PUBLISHED_QUANTITIES, strict=True):
+            _draw_quantity(panel, found, quantity, names)
+        line[0].set_yticks(list(names.values()), list(names))
+        line[0].set_ylabel(scene)
+    for panel, title in zip(grid[0], ("render time", "build time", "triangle tests", "steps"), strict=True):
+        panel.set_title(f"{title}, % of kd")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    unique = dict(zip(labels, handles, strict=True))
+    figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str, int]) -> None:
+    panel.set_xscale("log")
+    panel.axvline(100, color=GUIDE, linewidth=0.8, linestyle=":")
+    for tree, place in names.items():
+        colour = COLOURS[parse_spec(tree).name]
+        for shift, (way, added) in zip((0.22, 0, -0.22), WAYS.items(), strict=True):
+            evidence = found.evidence(with_setting(tree, added), quantity)
+            if evidence:
+                ratio = evidence.effect.ratio
+                panel.plot([100 * ratio.low, 100 * ratio.high], [place + shift] * 2, color=colour, linewidth=1)
+                marker = dict(zip(WAYS, "o^s", strict=True))[way]
+                panel.plot(100 * ratio.value, place + shift, marker, color=colour, markersize=4.5, label=f"ours, {way}")
+        if theirs := found.published(with_setting(tree, WAYS["thesis"])):
+            panel.plot(
+                theirs[quantity], place + 0.22, "o", markersize=7, fillstyle="none", color="0.3", label="published"
+            )
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("")
+    plain(panel)
+
+
+def depth_figure(runs: Runs) -> Figure:
+    """The share of kd nodes by depth, a panel a scene and way."""
+    figure = new_figure(3.4 * len(WAYS), 0.9 + 2.4 * len(runs.scenes))
+    grid = figure.subplots(len(runs.scenes), len(WAYS), sharex="row", sharey=True, squeeze=False)
+    for line, scene in zip(grid, runs.scenes, strict=True):
+        for panel, (way, added) in zip(line, WAYS.items(), strict=True):
+            for tree in PUBLISHED_TREES:
+                row = tree_row(runs, scene, with_setting(tree, added))
+                if row and "axes=plain" not in tree:
+                    shares = [(depth, 100 * s) for depth, s in enumerate(axis_node_shares(row)) if s is not None]
+                    name = parse_spec(tree).name
+                    panel.plot(*zip(*shares, strict=True), color=COLOURS[name], linewidth=1.3, label=name)
+            panel.set_title(f"{scene}, {way}", fontsize=10)
+            plain(panel)
+        line[0].set_ylabel("% of interior nodes\nthat are kd nodes")
+    for panel in grid[-1]:
+        panel.set_xlabel("depth")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    return figure

@@ -1,0 +1,73 @@
+"""The commands of the group `mitsuba-bsp study`, one a study."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+from .bench_cli import add_scene_options, run_with_bar, show
+from .figures import save_figure
+from .records import ResultsFolder
+from .studies import STUDIES
+from .studies.study import Study, StudyOptions, run_study, specs_of
+from .terminal import add_threads_option, chosen_scenes, out, positive
+
+#: Frames of this size and this many samples per pixel are rendered, unless the user says otherwise.
+RESOLUTION, SPP = 256, 4
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the group."""
+    group = commands.add_parser("study", help="the studies of the thesis, completed: records, tables and figures")
+    names = group.add_subparsers(title="studies", required=True, metavar="NAME")
+    for study in STUDIES.values():
+        sub = names.add_parser(study.name, help=study.help, description=study.legend)
+        own = sub.add_argument_group("what is studied")
+        chosen = study.add_options(own)
+        if study.repeated:
+            own.add_argument(
+                "--repeats",
+                type=positive,
+                default=study.repeats,
+                metavar="N",
+                help=f"{study.repeated}, {study.least_repeats} or more, default: %(default)s",
+            )
+        add_scene_options(sub)
+        sub.add_argument("--spp", type=positive, default=SPP, metavar="N", help="samples per pixel, %(default)s")
+        sub.add_argument(
+            "--resolution", type=positive, default=RESOLUTION, metavar="N", help="longer side, default: %(default)s"
+        )
+        add_threads_option(sub)
+        sub.set_defaults(run=partial(_study, study, chosen), repeats=study.repeats)
+
+
+def _study(study: Study, chosen: Sequence[str], args: argparse.Namespace) -> int:
+    """`mitsuba-bsp study NAME`."""
+    if args.repeats < study.least_repeats:
+        raise ValueError(f"--repeats is {args.repeats}, but {study.name} needs at least {study.least_repeats}")
+    options = StudyOptions(
+        scenes=chosen_scenes(args.scenes),
+        specs=(),
+        out=args.out or Path("results", f"study-{study.name}-{datetime.now():%Y%m%d-%H%M%S}"),
+        variant=args.variant,
+        threads=args.threads,
+        params=dict(args.params),
+        spp=args.spp,
+        resolution=args.resolution,
+        repeats=args.repeats,
+        choices={name: getattr(args, name) for name in chosen},
+    )
+    options = replace(options, specs=specs_of(study.plan(options)))
+    bar, status = run_with_bar(options, partial(run_study, study))
+    folder = ResultsFolder(options.out)
+    rows = folder.records() if bar.scenes else []
+    if rows:
+        for name, figure in study.figures(rows, folder):
+            png, svg = save_figure(figure, options.out, name)
+            out.print(f"A figure is in {png} and {svg.name}", soft_wrap=True, markup=False)
+        show(options, study.title, study.legend, study.tables(rows), bar)
+    return status

@@ -1,0 +1,228 @@
+"""What all studies share: the plan is worked off in rounds, can be resumed, and is told apart from other records."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import error_line, scene_xml
+
+from mitsuba_bsp import attempts, cli
+from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
+from mitsuba_bsp.spec import parse_spec
+from mitsuba_bsp.studies import STUDIES
+from mitsuba_bsp.studies.study import Cell, StudyOptions, specs_of, timed_and_counted
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+#: Seconds of a frame; a seed adds a hundredth.
+SECONDS = {
+    "kd": 2.0,
+    "normals": 1.0,
+    "random": 1.5,
+    "clustered": 1.2,
+    "rbsp": 1.8,
+    "ize": 2.5,
+    "native": 4.0,
+    "embree": 0.5,
+}
+
+
+def rows(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
+
+
+def statistics(name: str) -> dict[str, Any]:
+    levels = [{"axis_nodes": 3, "oblique_nodes": 1, "leaves": 4, "references": 40, "planes": 9}]
+    sizes = [1, 1, 2] + [0] * 30
+    return {"triangles": 20, "references": 30, "leaves": 4, "empty_leaves": 1, "bytes": 4e6, "sah_cost": 3.0,
+            "leaf_sizes": sizes, "levels": levels} if name not in ("native", "embree") else {}  # fmt: skip
+
+
+def work(spec: str) -> dict[str, Any]:
+    name, tests = parse_spec(spec).name, 10 * SECONDS[parse_spec(spec).name]
+    one = {"rays": 100, "axis_steps": 600, "oblique_steps": 200, "leaves_visited": 100, "triangle_tests": 100 * tests}
+    pixels = {"mean": 2.0, "deviation": 1.0, "quantiles": [x / 10 for x in range(101)]}
+    return {
+        "counters": {"camera": one, "shadow": one, "bounce": one},
+        "pixels": {"camera": pixels, "path": pixels},
+        "statistics": statistics(name),
+        "tree_sha256": "0",
+        "axis_area_share": 0.5,
+    }
+
+
+class Workers:
+    """Does what workers do, in no time; `failing` are the specs whose jobs fail."""
+
+    def __init__(self) -> None:
+        self.jobs: list[Job] = []
+        self.failing: set[str] = set()
+
+    def run(self, job: Job, on_stage: Callable[[str], None] | None = None) -> JobResult:
+        if job.kind not in ("time", "work", "record"):
+            return run_job(job, on_stage)
+        self.jobs.append(job)
+        if job.spec in self.failing or job.kind in self.failing:
+            raise JobError("the worker was killed")
+        if job.kind == "record":
+            return JobResult({"counters": {}}, ())
+        if job.kind == "work":
+            return JobResult(work(job.spec), ())
+        spec = parse_spec(job.spec)
+        render_s = SECONDS[spec.name] + int(spec.settings.get("seed", 0)) / 100
+        found = {"build_s": 0.5, "render_s": render_s, "peak_rss_bytes": 1, "pixels_sha256": "0"}
+        return JobResult({**found, "statistics": statistics(spec.name)}, ())
+
+
+@pytest.fixture
+def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
+    found = Workers()
+    monkeypatch.setattr(attempts, "run_job", found.run)
+    return found
+
+
+def study(*words: str | Path) -> int:
+    """The exit status of `study`, run in this process."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["study", *map(str, words)])
+    return caught.value.code
+
+
+def options(**choices: Any) -> StudyOptions:
+    return StudyOptions((), (), Path(), "scalar_rgb", 1, {}, choices=choices)
+
+
+def test_a_seeded_cell_has_another_tree_each_time() -> None:
+    cell = Cell("time", "normals:k=4", repeats=2, seeded=True)
+    assert [cell.spec(repeat).text for repeat in range(2)] == ["normals:k=4,seed=0", "normals:k=4,seed=1"]
+    assert Cell("time", "random", 1, True).spec(3).settings["seed"] == 3
+    assert Cell("time", "kd", 2).spec(1).text == "kd"
+    assert [spec.text for spec in specs_of([cell, Cell("work", "kd", 3)])] == [
+        "normals:k=4,seed=0", "normals:k=4,seed=1", "kd",
+    ]  # fmt: skip
+
+
+def test_what_has_no_seed_is_counted_once_and_embree_never() -> None:
+    cells = timed_and_counted(["embree", "native", "kd", "normals", "normals:seed=7"], repeats=5)
+    found = {(cell.measure, cell.tree): (cell.repeats, cell.seeded) for cell in cells}
+    assert found == {
+        ("time", "embree"): (5, False),
+        ("time", "native"): (5, False),
+        ("work", "native"): (1, False),
+        ("time", "kd"): (5, False),
+        ("work", "kd"): (1, False),
+        ("time", "normals"): (5, True),
+        ("work", "normals"): (5, True),
+        ("time", "normals:seed=7"): (5, False),
+        ("work", "normals:seed=7"): (1, False),
+    }
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_says_what_it_is(name: str) -> None:
+    own = STUDIES[name]
+    assert own.name == name and own.help and own.title and len(own.legend) > 100
+
+
+class TestRunner:
+    """`study comparison` stands for all."""
+
+    WORDS = ("--repeats", "3", "--specs", "kd", "normals", "native")
+
+    def test_rounds_are_shuffled_and_hold_everything_once(self, workers: Workers, room: Path, tmp_path: Path) -> None:
+        assert study("comparison", room, *self.WORDS, "--out", tmp_path / "out") == 0
+        assert workers.jobs[0].kind == "record" and workers.jobs[0].threads == 1
+        timed = [job.spec for job in workers.jobs if job.kind == "time"]
+        turns = [timed[3 * n : 3 * n + 3] for n in range(3)]
+        assert [sorted(turn) for turn in turns] == [["kd", "native", f"normals:seed={n}"] for n in range(3)]
+        assert len({tuple(word.partition(":")[0] for word in turn) for turn in turns}) > 1
+        counted = [job.spec for job in workers.jobs if job.kind == "work"]
+        assert sorted(counted) == ["kd", "native", *(f"normals:seed={n}" for n in range(3))]
+        assert all(job.streams == str(tmp_path / "out/streams/room.npz") for job in workers.jobs if job.kind != "time")
+
+    def test_records_say_what_was_measured(self, workers: Workers, room: Path, tmp_path: Path) -> None:
+        assert study("comparison", room, *self.WORDS, "--out", tmp_path / "out") == 0
+        found = rows(tmp_path / "out")
+        assert {row["study"] for row in found} == {"comparison"} and {row["triangles"] for row in found} == {30}
+        seeded = [row for row in found if row["tree"] == "normals" and row["measure"] == "time"]
+        assert {(row["spec"], row["repeat"]) for row in seeded} == {(f"normals:seed={n}", n) for n in range(3)}
+        assert all("seed=" in row["spec_full"] for row in seeded)
+        assert all("levels" not in row["statistics"] for row in seeded)
+        assert any("levels" in row["statistics"] for row in found if row["measure"] == "work")
+
+    def test_it_goes_on_where_it_stopped(
+        self, workers: Workers, room: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        words = ("comparison", room, *self.WORDS, "--out", tmp_path / "out")
+        workers.failing = {"kd"}
+        assert study(*words) == 1
+        assert "failed: room: the worker was killed" in capfd.readouterr().out
+        workers.failing = set()
+        before = len(workers.jobs)
+        assert study(*words) == 0
+        assert [(job.kind, job.spec) for job in workers.jobs[before:] if job.kind == "time"] == [("time", "kd")] * 3
+        assert "10 of 15 jobs were finished" in capfd.readouterr().err
+        before, kept = len(workers.jobs), (tmp_path / "out" / "table.md").read_bytes()
+        assert study(*words) == 0
+        assert len(workers.jobs) == before and (tmp_path / "out" / "table.md").read_bytes() == kept
+
+    def test_without_its_rays_nothing_is_counted(
+        self, workers: Workers, room: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        workers.failing = {"record"}
+        assert study("comparison", room, *self.WORDS, "--out", tmp_path / "out") == 1
+        assert {row["measure"] for row in rows(tmp_path / "out")} == {"time"}
+        assert "room, record failed: the worker was killed" in capfd.readouterr().err
+
+    def test_studies_do_not_mix(
+        self, workers: Workers, room: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        assert study("comparison", room, *self.WORDS, "--out", tmp_path / "out") == 0
+        assert study("claims", room, "--out", tmp_path / "out") == 2
+        assert "holds records of the study comparison: choose another --out" in " ".join(capfd.readouterr().err.split())
+        (tmp_path / "other").mkdir()
+        (tmp_path / "other" / "records.jsonl").write_text('{"scene": "room"}\n')
+        assert study("claims", room, "--out", tmp_path / "other") == 2
+        assert "holds records of another command" in " ".join(capfd.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["comparison", "gone.xml"], "there is no scene file"),
+        (["comparison", "empty.xml"], "empty.xml has no triangle mesh, so there is nothing to put into trees"),
+        (["comparison", "room.xml", "--specs", "brute"], "brute is no tree to be compared"),
+        (["comparison", "room.xml", "--specs", "bvh"], 'there is no accelerator "bvh"'),
+        (["comparison", "room.xml", "--repeats", "2"], "--repeats is 2, but comparison needs at least 3"),
+        (["directions", "room.xml", "--repeats", "5"], "--repeats is 5, but directions needs at least 6"),
+        (["directions", "room.xml", "--trees", "ize"], '"ize" has no number of directions'),
+        (["directions", "room.xml", "--k", "99"], "k=99 is not valid"),
+        (["directions", "room.xml", "--layouts", "flat"], "layout=flat is not valid"),
+        (["planes", "room.xml", "--specs", "embree"], '"embree" looks at no planes that could be counted'),
+        (["hotspots", "room.xml", "--specs", "embree"], "Embree does not count its work: leave it out"),
+        (["normals", "room.xml", "--specs", "native"], '"native" does not show its planes: leave it out'),
+        (["slice", "room.xml", "--specs", "brute"], '"brute" does not show its planes: leave it out'),
+        (["cost", "room.xml", "--trees", "kd"], "kd has no setting 'oblique_price'"),
+        (["cost", "room.xml", "--out", "room.xml"], "cannot write to the output folder room.xml"),
+    ],
+)
+@pytest.mark.usefixtures("room")
+def test_bad_input(command: Command, tmp_path: Path, words: list[str], sentence: str) -> None:
+    (tmp_path / "empty.xml").write_text(scene_xml('<shape type="sphere"/>'))
+    before = sorted(path.name for path in tmp_path.iterdir())
+    result = command("study", *words)
+    assert result.returncode == 2, result.stderr
+    assert sentence in error_line(result)
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("plane", ["w=1", "x=", "1,2,3", "0,0,0,1", "nan,0,1,2"])
+def test_what_is_no_plane(command: Command, room: Path, plane: str) -> None:
+    result = command("study", "slice", room, f"--plane={plane}")
+    assert result.returncode == 2
+    assert f'"{plane}" is no plane' in result.stderr
