@@ -152,7 +152,7 @@ def _scene_table(found: Findings) -> TextTable:
     def cells(tree: str) -> tuple[str, ...]:
         effect = found.evidence(tree, "R")
         return (
-            _median(runs, scene, tree, BUILD, ".3f"),
+            _median(runs, scene, tree, BUILD, ".3g"),
             _interval(list(runs.values(scene, tree, RENDER).values())),
             percent(effect.effect if effect else None),
             *(_median(runs, scene, tree, quantity, ".2f") for quantity in _COUNTERS),
@@ -280,7 +280,7 @@ def _interval(values: Sequence[float]) -> str:
     if not values:
         return NONE
     found = median_interval(values)
-    return f"{found.value:.3f} [{found.low:.3f}, {found.high:.3f}]"
+    return f"{found.value:.3g} [{found.low:.3g}, {found.high:.3g}]"
 
 
 def _median(runs: Runs, scene: str, tree: str, quantity: Quantity, form: str, scale: float = 1) -> str:

@@ -13,6 +13,9 @@ from .runs import Runs
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+_MARKERS = {"thesis": "o", "binary": "^", "wide": "s"}
 
 
 def percent_figure(runs: Runs) -> Figure:
@@ -29,14 +32,21 @@ def percent_figure(runs: Runs) -> Figure:
         line[0].set_ylabel(scene)
     for panel, title in zip(grid[0], ("render time", "build time", "triangle tests", "steps"), strict=True):
         panel.set_title(f"{title}, % of kd")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=4, frameon=False)
+    handles = [_marker(_MARKERS[way], f"ours, {way}") for way in WAYS]
+    published = _marker("o", "published", fillstyle="none", markersize=7)
+    figure.legend(handles=[*handles, published], loc="outside lower center", ncols=4, frameon=False)
     return figure
+
+
+def _marker(marker: str, label: str, **more: object) -> Line2D:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], linestyle="none", marker=marker, color="0.3", label=label, **more)
 
 
 def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str, int]) -> None:
     panel.set_xscale("log")
+    panel.update_datalim([(80, 0), (125, 0)])  # or it would be empty where nothing differs
     panel.axvline(100, color=GUIDE, linewidth=0.8, linestyle=":")
     for tree, place in names.items():
         colour = COLOURS[parse_spec(tree).name]
@@ -45,8 +55,7 @@ def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str,
             if evidence:
                 ratio = evidence.effect.ratio
                 panel.plot([100 * ratio.low, 100 * ratio.high], [place + shift] * 2, color=colour, linewidth=1)
-                marker = dict(zip(WAYS, "o^s", strict=True))[way]
-                panel.plot(100 * ratio.value, place + shift, marker, color=colour, markersize=4.5, label=f"ours, {way}")
+                panel.plot(100 * ratio.value, place + shift, _MARKERS[way], color=colour, markersize=4.5)
         if theirs := found.published(with_setting(tree, WAYS["thesis"])):
             panel.plot(
                 theirs[quantity], place + 0.22, "o", markersize=7, fillstyle="none", color="0.3", label="published"

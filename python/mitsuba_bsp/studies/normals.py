@@ -151,7 +151,8 @@ def _areas_inside(tree: NeutralTree, node: int, corners: NDArray[np.float32]) ->
             np.repeat(values[[plane]], len(polygons), axis=0) for values in (tree.normals, tree.offsets)
         )
         height = heights(polygons, normals, offsets)
-        polygons, kept = cut(polygons, -height if above else height)
+        # A triangle in a plane is on one side of it, however its corners were rounded.
+        polygons, kept = cut(polygons, (-height if above else height) - 2 * tree.plane_tolerance)
         owners = owners[kept]
     fans = np.cross(polygons[:, 1:-1] - polygons[:, :1], polygons[:, 2:] - polygons[:, :1])
     areas = np.linalg.norm(fans.sum(axis=1).astype(float), axis=1) / 2

@@ -1,0 +1,270 @@
+"""What the workers of studies find: costs of pixels, planes, maps of normals, cross-sections."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from mitsuba_bsp.contenders import COUNTERS, build, triangles_of
+from mitsuba_bsp.jobs import Job
+from mitsuba_bsp.loading import open_file
+from mitsuba_bsp.ray_jobs import record
+from mitsuba_bsp.spec import parse_spec
+from mitsuba_bsp.streams import KINDS, Stream, load
+from mitsuba_bsp.studies import normals, planes, work
+from mitsuba_bsp.studies import slice as cross_section
+from mitsuba_bsp.verification.audit import neutral_tree
+from mitsuba_bsp.verification.meshes import Mesh, boxes, soup, sphere
+
+RESOLUTION, SPP = 12, 3
+ALONG = {"camera": 0, "shadow": 1, "bounce": 2}
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from conftest import ROOM
+
+    path = tmp_path_factory.mktemp("scene") / "room.xml"
+    path.write_text(ROOM)
+    return path
+
+
+@pytest.fixture(scope="module")
+def streams(scene: Path) -> Path:
+    """The rays of one frame of the room."""
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    threads = dr.thread_count()
+    dr.set_thread_count(1)
+    file = scene.with_name("streams.npz")
+    try:
+        origin = {"resolution": [RESOLUTION, RESOLUTION]}
+        sizes = {"spp": SPP, "resolution": RESOLUTION, "max_rays": 10**9}
+        record(Job("record", str(scene), "scalar_rgb", streams=str(file), header=origin, **sizes), print)
+    finally:
+        dr.set_thread_count(threads)
+    return file
+
+
+class TestWork:
+    """The rays of a frame under one accelerator."""
+
+    def job(self, scene: Path, streams: Path, spec: str, **choices: object) -> Job:
+        arrays = str(scene.with_name("arrays") / f"{spec.partition(':')[0]}.npz")
+        return Job("work", str(scene), "scalar_rgb", spec, streams=str(streams), arrays=arrays, choices=choices)
+
+    @pytest.mark.parametrize("spec", ["kd", "normals:layout=binary,intersection_cost=1", "native"])
+    def test_counters_are_those_of_the_accelerator(self, scene: Path, streams: Path, spec: str) -> None:
+        found = work.measure(self.job(scene, streams, spec), lambda _: None)
+        contender = build(parse_spec(spec), triangles_of(open_file(scene).meshes))
+        for stream in load(streams):
+            assert found["counters"][stream.kind] == {"rays": len(stream), **contender.count(stream)}
+        assert bool(found["statistics"]) == (spec != "native")
+        assert json.dumps(found)
+
+    def test_the_cost_of_all_pixels_is_that_of_all_rays(self, scene: Path, streams: Path) -> None:
+        spec = parse_spec("normals:layout=binary,intersection_cost=1")
+        found = work.measure(self.job(scene, streams, spec.text, keep_pixels=True), lambda _: None)
+        prices = parse_spec("normals:layout=binary").settings
+        total = 0.0
+        for counted in found["counters"].values():
+            total += counted["axis_steps"] + prices["oblique_cost"] * counted["oblique_steps"]
+            total += prices["intersection_cost"] * counted["triangle_tests"]
+        assert total / SPP / RESOLUTION**2 == pytest.approx(found["pixels"]["path"]["mean"], rel=1e-4)
+        with np.load(scene.with_name("arrays") / "normals.npz") as kept:
+            assert kept["path"].shape == kept["camera"].shape == (RESOLUTION, RESOLUTION)
+            assert (kept["path"] >= kept["camera"]).all() and kept["camera"].max() > 0
+            assert float(np.quantile(kept["path"], 0.99)) == pytest.approx(found["pixels"]["path"]["quantiles"][99])
+
+    def test_pixels_are_where_the_camera_sees_them(self) -> None:
+        """Two pixels, of which the second has a shadow ray and two samples."""
+        zero = np.zeros((3, 3), np.float32)
+        camera = Stream("camera", zero, zero, zero[:, 0], np.array([0, 1, 1], np.int32), 3)
+        shadow = Stream("shadow", zero[:1], zero[:1], zero[:1, 0], np.array([1], np.int32), 1)
+        counted = {name: np.zeros(3, np.uint64) for name in COUNTERS}
+        found = {
+            "camera": counted | {"axis_steps": np.array([5, 1, 3], np.uint64)},
+            "shadow": {name: values[:1] for name, values in counted.items()} | {"triangle_tests": np.array([8])},
+        }
+        costs = work.pixel_costs(parse_spec("kd:layout=binary"), [camera, shadow], found, (2, 1))
+        test = parse_spec("kd:layout=binary").settings["intersection_cost"]
+        assert costs["camera"].tolist() == [[5, 2]]
+        assert costs["path"] == pytest.approx(np.array([[5, 2 + 8 * test / 2]]))
+
+    def test_a_wide_step_passes_three_planes(self) -> None:
+        one = Stream("camera", *np.zeros((2, 1, 3), np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32), 1)
+        counted = {name: np.zeros(1) for name in COUNTERS} | {"axis_steps": np.ones(1)}
+        assert work.pixel_costs(parse_spec("kd"), [one], {"camera": counted}, (1, 1))["camera"] == 3
+
+    @pytest.mark.parametrize(
+        ("kind", "pixel", "total", "sentence"),
+        [("camera", 0, 9, "of 9 camera rays only 1 are known"), ("bounce", 0, 1, "the rays of the camera were not rec"),
+         ("camera", -1, 1, "the rays of the camera were not recognised")],
+    )  # fmt: skip
+    def test_what_has_no_cost(self, kind: str, pixel: int, total: int, sentence: str) -> None:
+        rays = np.zeros((2, 1, 3), np.float32)
+        stream = Stream(kind, *rays, np.zeros(1, np.float32), np.array([pixel], np.int32), total)
+        with pytest.raises(ValueError, match=sentence):
+            work.pixel_costs(parse_spec("kd"), [stream], {}, (1, 1))
+        assert kind in KINDS
+
+    def test_area_on_the_axes(self) -> None:
+        box = boxes("box", [((0, 0, 0), (1, 2, 3))])
+        assert work.axis_area_share(box.vertices, box.faces) == pytest.approx(1)
+        turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+        assert work.axis_area_share((box.vertices @ turn).astype(np.float32), box.faces) == 0
+        assert work.axis_area_share(box.vertices, box.faces[:0]) == 0
+
+
+def test_planes_are_counted_and_foretold(scene: Path) -> None:
+    found = planes.measure(Job("planes", str(scene), "scalar_rgb", "kd:cost=thesis"), lambda _: None)
+    n = found["statistics"]["triangles"]
+    foretold = planes.predicted(found)
+    assert n == 30 and foretold["considered"] == [6 * n] * len(found["planes"])
+    assert set(foretold["different"]) == {6 * n}
+    assert all(different <= considered <= 6 * n for considered, different in found["planes"][:1])
+    drawn = planes.measure(Job("planes", str(scene), "scalar_rgb", "normals:k=5,cost=thesis"), lambda _: None)
+    assert planes.predicted(drawn)["different"][:2] == [(6 + 4) * n, (6 + 8) * n]
+
+
+class TestNormals:
+    """Maps of normals and directions."""
+
+    @pytest.mark.parametrize("spec", ["kd", "normals", "ize"])
+    def test_the_areas_inside_all_cells_of_a_depth_are_the_area_of_the_scene(self, spec: str) -> None:
+        mesh = soup("soup", 60)
+        corners = mesh.vertices[mesh.faces]
+        tree = neutral_tree(mesh, parse_spec(f"{spec}:intersection_cost=2"))
+        subtrees = normals.Subtrees(tree)
+        leaves = np.flatnonzero(tree.is_leaf)
+        total = 0.0
+        for leaf in leaves:
+            inside = corners[subtrees.triangles(leaf)]
+            assert len(inside) == tree.count[leaf]
+            total += normals._areas_inside(tree, leaf, inside).sum()
+        assert len(leaves) > 5
+        assert total == pytest.approx(work.normals_and_areas(corners)[1].sum(), rel=1e-5)
+
+    def test_subtrees(self) -> None:
+        mesh = soup("soup", 60)
+        tree = neutral_tree(mesh, parse_spec("kd:intersection_cost=2"))
+        subtrees = normals.Subtrees(tree)
+        assert len(subtrees.triangles(0)) == 60
+        assert subtrees.heaviest(0) == 0 and subtrees.depths[subtrees.heaviest(2)] == 2
+        assert subtrees.inner_below(0, 1).tolist() == [0]
+        assert (subtrees.depths[subtrees.inner_below(0, 3)] < 3).all()
+        node = subtrees.heaviest(3)
+        path = normals.path_to(tree, node)
+        assert len(path) == 3 and path[0][0] == 0
+        ends = [int(tree.above[at]) if above else at + 1 for at, above in path]
+        assert ends == [*(at for at, _ in path[1:]), node]
+
+    def test_the_map_keeps_areas(self) -> None:
+        """Directions that are uniform on the sphere are uniform on the disc."""
+        u, v = qmc.Sobol(2, rng=0).random(2**15).T
+        z, angle = 1 - 2 * u, 2 * np.pi * v
+        points = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
+        radius = np.linalg.norm(normals.project(points), axis=1)
+        assert radius.max() <= 1 + 1e-9
+        for r in (0.25, 0.5, 0.75):
+            assert (radius < r).mean() == pytest.approx(r * r, abs=0.003)
+        assert normals.project(-points) == pytest.approx(normals.project(points))
+
+    def test_what_lies_on_the_rim_is_on_both_of_its_sides(self) -> None:
+        shares = normals._map(np.array([[1.0, 0, 0], [0, 0, 1]]), np.array([2.0, 6.0]))
+        assert shares.sum() == pytest.approx(1)
+        middle = normals.BINS // 2
+        assert shares[-1, middle] == shares[0, middle] == pytest.approx(0.125)
+        assert shares[middle, middle] == pytest.approx(0.75)
+
+    def test_measure(self, scene: Path) -> None:
+        job = Job("normals", str(scene), "scalar_rgb", "kd:intersection_cost=9", arrays=str(scene.with_name("n.npz")))
+        found = normals.measure(job, lambda _: None)
+        assert found["oblique_share"] == 0 and found["interior_nodes"] > 3 and 0 <= found["parallel_share"] <= 1
+        assert [node["depth"] for node in found["nodes"]][0] == 0 and found["nodes"][0]["triangles"] == 30
+        with np.load(scene.with_name("n.npz")) as arrays:
+            assert arrays["map0"].sum() == pytest.approx(1, abs=1e-5)
+            assert len(arrays["directions0"]) == len(arrays["depths0"]) > 3
+
+
+class TestSlice:
+    """Cross-sections."""
+
+    @pytest.mark.parametrize("spec", ["kd", "rbsp", "normals", "ize"])
+    @pytest.mark.parametrize("plane", [[0, 0, 1, 0.1], [1, 2, -1, 0.3]])
+    def test_cells_cover_the_section_once(self, spec: str, plane: list[float]) -> None:
+        tree = neutral_tree(soup("soup", 80), parse_spec(f"{spec}:intersection_cost=2"))
+        plane = np.array(plane) / np.linalg.norm(plane[:3])
+        cells, leaves = cross_section.section(tree, plane)
+        assert np.abs(cells.astype(float) @ plane[:3] - plane[3]).max() < 1e-9 and tree.is_leaf[leaves].all()
+        across = cross_section.basis(plane)
+        areas = cross_section._areas((cells @ across.T.astype(np.longdouble)).astype(float))
+        whole = cross_section._areas(
+            (cross_section._box_part(plane, tree.box) @ across.T.astype(np.longdouble)).astype(float)
+        )
+        assert areas.sum() == pytest.approx(whole.sum(), rel=1e-9) and len(leaves) > 3
+
+    def test_a_point_of_the_section_is_in_the_cell_of_its_leaf(self) -> None:
+        tree = neutral_tree(soup("soup", 80), parse_spec("normals:intersection_cost=2"))
+        cells, leaves = cross_section.section(tree, np.array([0, 0, 1, 0.1]))
+        for cell, leaf in zip(cells.astype(float), leaves, strict=True):
+            node, middle = 0, np.unique(cell.round(12), axis=0).mean(axis=0)
+            while not tree.is_leaf[node]:
+                above = tree.normals[node] @ middle > tree.offsets[node]
+                node = int(tree.above[node]) if above else node + 1
+            assert node == leaf
+
+    def test_the_outline_of_a_sphere(self) -> None:
+        ball = sphere("ball", 40)
+        segments = cross_section.outline(ball.vertices[ball.faces].astype(float), np.array([0, 1, 0, 1.0]))
+        lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+        assert lengths.sum() == pytest.approx(2 * np.pi * np.sqrt(3), rel=0.01)
+        assert np.linalg.norm(segments, axis=2) == pytest.approx(2, rel=0.01)
+
+    def test_two_steps_and_a_leaf_have_a_cost(self) -> None:
+        spec = parse_spec("normals:axis_cost=1,oblique_cost=2,leaf_cost=3,intersection_cost=5")
+        tree = neutral_tree(soup("soup", 40), spec)
+        costs = cross_section.leaf_costs(tree, spec)
+        leaf = int(np.flatnonzero(tree.is_leaf & (tree.count > 0))[3])
+        oblique = [(tree.normals[node] != 0).sum() > 1 for node, _ in normals.path_to(tree, leaf)]
+        steps = sum(2 if slanted else 1 for slanted in oblique)
+        assert costs[leaf] == steps + 3 + 5 * tree.count[leaf]
+        empty = np.flatnonzero(tree.is_leaf & (tree.count == 0))
+        assert all(costs[e] <= 2 * len(normals.path_to(tree, e)) for e in empty)
+
+    def test_the_first_planes_lie_in_the_box(self) -> None:
+        tree = neutral_tree(soup("soup", 80), parse_spec("normals:intersection_cost=2,axes=none"))
+        found = cross_section.first_planes(tree)
+        assert len(found["planes"]) == len(found["levels"]) == len(found["oblique"]) > 5
+        assert found["levels"].max() == cross_section.PLANE_LEVELS - 1 and found["oblique"].all()
+        slack = 1e-4
+        inside = (found["planes"] >= tree.box[0] - slack) & (found["planes"] <= tree.box[1] + slack)
+        assert inside.all()
+
+    def test_a_scene_without_splits(self) -> None:
+        one = Mesh("one", np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
+        tree = neutral_tree(one, parse_spec("kd"))
+        assert len(cross_section.first_planes(tree)["planes"]) == 0
+        cells, leaves = cross_section.section(tree, np.array([1, 0, 0, 0.5]))
+        assert leaves.tolist() == [0] and len(cells) == 1
+
+    def test_the_default_plane_meets_most_triangles(self) -> None:
+        flat = np.array([[[x, 0, 0], [x + 1, 0, 0], [x, 1, 0.1]] for x in range(10)], float)
+        assert cross_section.default_plane(flat) == [0.0, 1.0, 0.0, 0.5]
+
+    def test_measure(self, scene: Path) -> None:
+        arrays = str(scene.with_name("s.npz"))
+        choices = {"plane": [0, 0, 2, 0.6]}
+        job = Job("slice", str(scene), "scalar_rgb", "rbsp:intersection_cost=9", arrays=arrays, choices=choices)
+        found = cross_section.measure(job, lambda _: None)
+        assert found["plane"] == [0, 0, 1, 0.3] and found["cells"] > 1
+        with np.load(arrays) as kept:
+            assert len(kept["cells"]) == len(kept["depth"]) == len(kept["cost"]) == found["cells"]
+            span = np.ptp(kept["cells"].reshape(-1, 2), axis=0)
+            assert span[0] >= span[1] and kept["points"].shape[1] == 3
