@@ -1,0 +1,211 @@
+"""What becomes of the records of studies: tables with known numbers, verdicts, figures that are the same every time."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from fake_workers import Workers
+
+from mitsuba_bsp import attempts, cli
+from mitsuba_bsp.records import ResultsFolder
+from mitsuba_bsp.studies import STUDIES
+from mitsuba_bsp.studies.claim_list import CLAIMS
+from mitsuba_bsp.studies.cost import RULES, prices
+from mitsuba_bsp.thesis import PUBLISHED, PUBLISHED_BY_K, PUBLISHED_TREES, published_scene
+
+
+@pytest.fixture
+def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
+    found = Workers()
+    monkeypatch.setattr(attempts, "run_job", found.run)
+    return found
+
+
+@pytest.fixture
+def feet(room: Path) -> Path:
+    """A scene with the name of one of the thesis's."""
+    return room.rename(room.with_name("feet.xml"))
+
+
+def study(*words: str | Path) -> int:
+    """The exit status of `study`, run in this process."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["study", *map(str, words)])
+    return caught.value.code
+
+
+def table(folder: Path, title: str) -> list[list[str]]:
+    """The rows of the first table in `table.md` whose title starts so, without the head."""
+    text = (folder / "table.md").read_text()
+    part = text.partition(f"## {title}")[2].partition("\n## ")[0]
+    lines = [line for line in part.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def row(folder: Path, title: str, *start: str) -> list[str]:
+    return next(cells for cells in table(folder, title) if cells[: len(start)] == list(start))
+
+
+class TestDirections:
+    """kd takes 2 s, normals 1 s and a hundredth more with each seed."""
+
+    @pytest.fixture
+    def out(self, workers: Workers, feet: Path, tmp_path: Path) -> Path:
+        words = ("--trees", "normals", "rbsp", "--k", "4", "7", "--axes", "fast", "--layouts", "binary")
+        assert study("directions", feet, *words, "--out", tmp_path / "out") == 0
+        return tmp_path / "out"
+
+    def test_medians_and_deviations(self, out: Path) -> None:
+        assert row(out, "seconds: normals, axes fast, binary", "4") == ["4", "1.025 ± 0.019"]
+        assert row(out, "seconds: rbsp, axes fast, kdop, dots not cached, binary", "7") == ["7", "1.800 ± 0.000"]
+        assert [k for k, _ in table(out, "seconds: rbsp, axes fast, kdop, binary")] == ["7"]
+        assert [k for k, _ in table(out, "seconds: rbsp, axes fast, spiral, binary")] == ["4", "7"]
+
+    def test_percent_of_kd(self, out: Path) -> None:
+        found = row(out, "feet, 30 triangles", "normals, axes fast, binary")
+        assert found[2].startswith("51.2 [5") and found[4] == "less"
+
+    def test_beside_the_published(self, out: Path) -> None:
+        assert row(out, "percent of kd, beside", "normals, axes fast, binary") == [
+            "normals, axes fast, binary", "4", "51.2", "72.1",
+        ]  # fmt: skip
+
+    def test_a_plan_is_complete(self) -> None:
+        own = STUDIES["directions"]
+        assert own.repeats == own.least_repeats == 6
+
+
+class TestComparison:
+    @pytest.fixture
+    def out(self, workers: Workers, feet: Path, tmp_path: Path) -> Path:
+        assert study("comparison", feet, "--repeats", "5", "--out", tmp_path / "out") == 0
+        return tmp_path / "out"
+
+    def test_times_and_counters(self, out: Path) -> None:
+        spec = "normals:k=6,axes=fast"
+        found = row(out, "feet, 30 triangles", spec)
+        assert found[1:3] == ["0.5", "1.02 [1, 1.04]"]
+        assert found[3].startswith("51.0 [50.0, 52.0") and found[4:] == ["10.00", "8.00", "10.00", "8.00", "4.0", "75%"]
+        assert row(out, "feet, 30 triangles", "embree")[4:] == ["-"] * 4 + ["-", "-"]
+
+    def test_another_scene_decides_nothing(self, out: Path) -> None:
+        """The thesis's feet have 33,264 triangles, these 30."""
+        found = row(out, "what was published, and what is found", "normals:k=6,axes=fast,cost=thesis", "R")
+        assert found[2:4] == ["less than kd", "open"]
+        assert found[4] == "only other scenes were measured; another scene: feet 51 %"
+
+    def test_leaves_and_kd_nodes(self, out: Path) -> None:
+        assert row(out, "feet: leaves by their number", "kd")[1:7] == ["4", "1.50", "10.00", "25.0%", "25.0%", "50.0%"]
+        assert row(out, "feet: the share of kd nodes", "kd")[1] == "75%"
+
+    def test_the_same_scene_decides(self, out: Path, workers: Workers) -> None:
+        folder = ResultsFolder(out)
+        rows = [{**own, "triangles": 33_264} for own in folder.records()]
+        found = STUDIES["comparison"].tables(rows)
+        (verdicts,) = (t for t in found if t.title.startswith("what was published"))
+        words = {cells[:3]: cells[3] for cells in verdicts.rows}
+        assert words["normals:k=6,axes=fast,cost=thesis", "R", "less than kd"] == "confirmed"
+        assert words["ize:axes=fast,cost=thesis", "R", "less than kd"] == "refuted"
+        assert words["normals:k=6,axes=fast,cost=thesis", "B", "more than kd"] == "open"  # no difference
+
+
+class TestCost:
+    def test_every_price_once(self) -> None:
+        trees = [price.tree() for price in prices(["normals"], (0.1, 0.5))]
+        assert len(set(trees)) == len(trees) == 2 * (1 + 3 * 2)
+        assert "normals:layout=wide,oblique_price=linear,retry=false,alpha=0.5" in trees
+
+    def test_what_decides(self, workers: Workers, room: Path, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        assert study("cost", room, "--alpha", "0.1", "0.5", "--repeats", "3", "--out", out) == 0
+        found = table(out, "what decides")
+        assert {cells[0] for cells in found} == {"rule", "alpha", "layout"}
+        pairs = {tuple(cells[:3]): int(cells[6]) for cells in found}
+        assert pairs["layout", "binary", "wide"] == 3 * (1 + 3 * 2)
+        assert pairs["rule", "constant", "linear"] == 3 * 2 * 2
+        assert pairs["alpha", "0.1", "0.5"] == 3 * 2 * 3
+        assert all(cells[3] == "100.0 [100.0, 100.0]" and cells[5] == "noise" for cells in found)
+        assert {cells[2] for cells in table(out, "room, 30 triangles")} == set(RULES)
+
+
+class TestClaims:
+    @pytest.fixture
+    def out(self, workers: Workers, room: Path, tmp_path: Path) -> Path:
+        assert study("claims", room, "--repeats", "3", "--out", tmp_path / "out") == 0
+        return tmp_path / "out"
+
+    def test_verdicts(self, out: Path) -> None:
+        words = {cells[0]: cells[3] for cells in table(out, "verdicts")}
+        assert len(words) == len(CLAIMS)
+        assert words["BSP trees need fewer triangle tests than kd-trees (binary nodes)"] == "confirmed"
+        assert words["BSP trees render in less time than kd-trees (wide nodes)"] == "confirmed"
+        assert words["BSP trees take more traversal steps than kd-trees (wide nodes)"] == "open"  # just as many
+        normals = "Normals are better directions than random ones, at equal k, axes and seed"
+        assert words[f"{normals}: less time"] == words[f"{normals}: fewer tests"] == "confirmed"
+        assert words["Clustering the normals is better than drawing them: less time"] == "refuted"
+        assert words["Fast axis nodes help: less time than with plain ones"] == "open"
+
+    def test_pairs_share_their_seed(self, out: Path) -> None:
+        claim = "Normals are better directions than random ones, at equal k, axes and seed: less time (render time)"
+        found = table(out, claim)
+        assert len(found) == 6 and all(cells[0] == "room" for cells in found)
+        ratios = [float(re.match(r"[\d.]+", cells[3])[0]) for cells in found]
+        assert ratios == [66.9] * 6  # 1.01 s over 1.51 s
+
+    def test_too_few_scenes_for_a_correlation(self, out: Path) -> None:
+        assert "too few scenes for a correlation" in (out / "table.md").read_text()
+
+
+class TestHotSpots:
+    def test_spread(self, workers: Workers, room: Path, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        assert study("hotspots", room, "--specs", "kd", "normals", "--out", out) == 0
+        assert all(job.kind in ("record", "work") for job in workers.jobs)
+        assert all(job.choices["keep_pixels"] for job in workers.jobs if job.kind == "work")
+        exact = "100.0 [100.0, 100.0]"
+        assert row(out, "room, 30 triangles, 256x256, 4 spp: whole paths", "normals") == [
+            "normals", "2.0", "9.9", "0.50", "4.95", "5.00", exact, exact,
+        ]  # fmt: skip
+
+
+def test_published_numbers() -> None:
+    assert all(set(rows) == {f"{tree},cost=thesis" for tree in PUBLISHED_TREES} for rows in PUBLISHED.values())
+    own = PUBLISHED["museum"]["rbsp:k=13,axes=plain,cost=thesis"]
+    assert (own.render, own.build, own.tests, own.steps) == (482, 250, 1376, 109)
+    assert PUBLISHED_BY_K["random"][4] == (92.3, 90.9, 92.7)
+    assert published_scene("feet", 33_264) == ("feet", True)
+    assert published_scene("conference", 69_047) == ("conference", False)
+    assert published_scene("sanmiguel", 1_460_000) == ("museum", False)
+    assert published_scene("room", 33_264) is None
+
+
+class TestRealRuns:
+    """From command to pictures, with nothing replaced."""
+
+    @pytest.mark.parametrize(
+        ("name", "figures"),
+        [
+            ("planes", ["planes"]),
+            ("hotspots", ["hotspots", "hotspots-room"]),
+            ("normals", ["normals-room"]),
+            ("slice", ["slice-room", "slice-planes-room"]),
+        ],
+    )
+    def test_tables_and_figures_are_made_from_the_records(
+        self, room: Path, tmp_path: Path, name: str, figures: list[str]
+    ) -> None:
+        words = (name, room, "--specs", "kd", "normals:k=4", "--resolution", "12", "--spp", "1", "--out", "out")
+        out = tmp_path / "out"
+        words = (*words[:-1], out)
+        assert study(*words) == 0
+        files = [out / f"{figure}.{suffix}" for figure in figures for suffix in ("png", "svg")]
+        assert all(file.stat().st_size > 5000 for file in files)
+        assert {json.loads(line)["study"] for line in (out / "records.jsonl").read_text().splitlines()} == {name}
+        before = {file: file.read_bytes() for file in (*files, out / "table.md")}
+        for file in before:
+            file.unlink()
+        assert study(*words) == 0
+        assert {file: file.read_bytes() for file in before} == before
