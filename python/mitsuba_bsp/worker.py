@@ -127,6 +127,7 @@ def _time(job: Job, stage: Stage) -> dict[str, Any]:
     return {
         "build_s": build_s,
         "render_s": frame.wall_s,
+        "render_cpu_s": frame.cpu_s,
         "statistics": statistics(scene),
         "pixels_sha256": frame.sha256,
         "peak_rss_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,

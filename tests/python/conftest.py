@@ -10,6 +10,9 @@ from pathlib import Path
 
 import mitsuba as mi
 import pytest
+from fake_workers import Workers
+
+from mitsuba_bsp import attempts
 
 #: Nine shapes in an order that a careless swap would change: lights between meshes, a sphere, ids here and there.
 ROOM = """
@@ -89,6 +92,14 @@ def room(tmp_path: Path) -> Path:
     path = tmp_path / "room.xml"
     path.write_text(ROOM)
     return path
+
+
+@pytest.fixture
+def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
+    """Jobs of studies take no time."""
+    found = Workers()
+    monkeypatch.setattr(attempts, "run_job", found.run)
+    return found
 
 
 @pytest.fixture

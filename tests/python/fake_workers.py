@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import pytest
+
+from mitsuba_bsp import cli
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
 from mitsuba_bsp.spec import parse_spec
 
@@ -60,5 +64,18 @@ class Workers:
             return JobResult(work(job.spec), ())
         spec = parse_spec(job.spec)
         render_s = SECONDS[spec.name] + int(spec.settings.get("seed", 0)) / 100
-        found = {"build_s": 0.5, "render_s": render_s, "peak_rss_bytes": 1, "pixels_sha256": "0"}
+        found = {
+            "build_s": 0.5,
+            "render_s": render_s + 1,
+            "render_cpu_s": render_s,
+            "peak_rss_bytes": 1,
+            "pixels_sha256": "0",
+        }
         return JobResult({**found, "statistics": statistics(spec.name)}, ())
+
+
+def study(*words: str | Path) -> int:
+    """The exit status of `study` on one thread, where the time of the processor counts, run in this process."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["study", *map(str, words), "--threads", "1"])
+    return caught.value.code

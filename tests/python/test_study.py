@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import error_line, scene_xml
-from fake_workers import Workers
+from conftest import scene_xml
+from fake_workers import Workers, study
 
-from mitsuba_bsp import attempts, cli
 from mitsuba_bsp.studies import STUDIES
 from mitsuba_bsp.studies.study import Cell, StudyOptions, specs_of, timed_and_counted
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def rows(folder: Path) -> list[dict]:
     return [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
-
-
-@pytest.fixture
-def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
-    found = Workers()
-    monkeypatch.setattr(attempts, "run_job", found.run)
-    return found
-
-
-def study(*words: str | Path) -> int:
-    """The exit status of `study`, run in this process."""
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["study", *map(str, words)])
-    return caught.value.code
 
 
 def options(**choices: Any) -> StudyOptions:
@@ -156,17 +137,18 @@ class TestRunner:
     ],
 )
 @pytest.mark.usefixtures("room")
-def test_bad_input(command: Command, tmp_path: Path, words: list[str], sentence: str) -> None:
+def test_bad_input(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
     (tmp_path / "empty.xml").write_text(scene_xml('<shape type="sphere"/>'))
+    monkeypatch.chdir(tmp_path)
     before = sorted(path.name for path in tmp_path.iterdir())
-    result = command("study", *words)
-    assert result.returncode == 2, result.stderr
-    assert sentence in error_line(result)
+    assert study(*words) == 2
+    assert sentence in " ".join(capfd.readouterr().err.partition("error: ")[2].split())
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize("plane", ["w=1", "x=", "1,2,3", "0,0,0,1", "nan,0,1,2"])
-def test_what_is_no_plane(command: Command, room: Path, plane: str) -> None:
-    result = command("study", "slice", room, f"--plane={plane}")
-    assert result.returncode == 2
-    assert f'"{plane}" is no plane' in result.stderr
+def test_what_is_no_plane(room: Path, capfd: pytest.CaptureFixture[str], plane: str) -> None:
+    assert study("slice", room, f"--plane={plane}") == 2
+    assert f'"{plane}" is no plane: give x=N' in capfd.readouterr().err

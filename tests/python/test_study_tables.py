@@ -7,34 +7,20 @@ import re
 from pathlib import Path
 
 import pytest
-from fake_workers import Workers
+from fake_workers import Workers, study
 
-from mitsuba_bsp import attempts, cli
 from mitsuba_bsp.records import ResultsFolder
 from mitsuba_bsp.studies import STUDIES
 from mitsuba_bsp.studies.claim_list import CLAIMS
 from mitsuba_bsp.studies.cost import RULES, prices
+from mitsuba_bsp.studies.runs import RENDER, Runs
 from mitsuba_bsp.thesis import PUBLISHED, PUBLISHED_BY_K, PUBLISHED_TREES, published_scene
-
-
-@pytest.fixture
-def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
-    found = Workers()
-    monkeypatch.setattr(attempts, "run_job", found.run)
-    return found
 
 
 @pytest.fixture
 def feet(room: Path) -> Path:
     """A scene with the name of one of the thesis's."""
     return room.rename(room.with_name("feet.xml"))
-
-
-def study(*words: str | Path) -> int:
-    """The exit status of `study`, run in this process."""
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["study", *map(str, words)])
-    return caught.value.code
 
 
 def table(folder: Path, title: str) -> list[list[str]]:
@@ -76,6 +62,13 @@ class TestDirections:
     def test_a_plan_is_complete(self) -> None:
         own = STUDIES["directions"]
         assert own.repeats == own.least_repeats == 6
+
+
+def test_more_threads_are_timed_on_the_clock(workers: Workers, room: Path, tmp_path: Path) -> None:
+    assert study("comparison", room, "--repeats", "3", "--specs", "kd", "--out", tmp_path / "out") == 0
+    rows = ResultsFolder(tmp_path / "out").records()
+    times = [Runs([{**own, "threads": n} for own in rows]).values("room", "kd", RENDER)[0] for n in (1, 2)]
+    assert times == [2.0, 3.0]
 
 
 class TestComparison:

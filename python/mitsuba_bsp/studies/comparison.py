@@ -31,6 +31,7 @@ from .runs import (
     spec_of,
 )
 from .study import Cell, Study, StudyOptions, timed_and_counted
+from .tree_shapes import shape_tables
 from .verdicts import Evidence, Verdict, judge, percent
 
 if TYPE_CHECKING:
@@ -51,9 +52,6 @@ PUBLISHED_QUANTITIES: dict[str, Quantity] = {
 
 #: Published percentages nearer to 100 than this claim no difference.
 _NO_CLAIM = 2
-
-#: Leaves are listed by these numbers of triangles, from the one to below the next.
-_LEAF_SIZES = (0, 1, 2, 3, 5, 9, 17)
 
 _LEGEND = (
     "Times are medians with 95 % bootstrap intervals; percent are of kd built the same way (cost=thesis; "
@@ -108,7 +106,7 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
     noise = runs.noise()
     found = [Findings(runs, scene, noise) for scene in runs.scenes]
     published = [table for own in found for table in _published_tables(own)]
-    shapes = [table for scene in runs.scenes for table in (_leaf_table(runs, scene), _depth_table(runs, scene))]
+    shapes = [table for scene in runs.scenes for table in shape_tables(runs, scene, _ordered(runs))]
     return [*(_scene_table(own) for own in found), *published, *_verdict_tables(found), *shapes]
 
 
@@ -216,64 +214,6 @@ def _verdict_rows(tree: str, name: str, found: Sequence[Findings]) -> Iterator[t
         verdict = judge(claim, evidence) if evidence else Verdict("open", "only other scenes were measured")
         also = f"; another scene: {', '.join(foreign[claim])}" if foreign[claim] else ""
         yield tree, name, f"{claim} than kd", verdict.word, verdict.why + also
-
-
-def _leaf_table(runs: Runs, scene: str) -> TextTable:
-    """How many leaves have how many triangles."""
-    bounds = [*_LEAF_SIZES, None]
-    names = [_size_name(low, high) for low, high in zip(bounds, bounds[1:], strict=False)]
-
-    def cells(row: Record) -> tuple[str, ...]:
-        stats = row["statistics"]
-        sizes, leaves = stats["leaf_sizes"], stats["leaves"]
-        shares = (sum(sizes[low:high]) / leaves for low, high in zip(bounds, bounds[1:], strict=False))
-        filled = max(1, leaves - stats["empty_leaves"])
-        return (
-            f"{leaves:,}",
-            f"{stats['references'] / stats['triangles']:.2f}",
-            f"{stats['references'] / filled:.2f}",
-            *(f"{share:.1%}" for share in shares),
-        )
-
-    rows = [(tree, row) for tree in _ordered(runs) if (row := tree_row(runs, scene, tree))]
-    return TextTable(
-        f"{scene}: leaves by their number of triangles",
-        ("spec", "leaves", "references per triangle", "per filled leaf", *names),
-        tuple((tree, *cells(row)) for tree, row in rows),
-    )
-
-
-def _size_name(low: int, high: int | None) -> str:
-    return f"{low} or more" if high is None else f"{low}" if high == low + 1 else f"{low} to {high - 1}"
-
-
-def _depth_table(runs: Runs, scene: str) -> TextTable:
-    """The share of kd nodes among interior nodes, by depth."""
-    rows = [(tree, row) for tree in _ordered(runs) if (row := tree_row(runs, scene, tree))]
-    depths = range(0, max((len(row["statistics"]["levels"]) for _, row in rows), default=0), 3)
-
-    def share(row: Record, depth: int) -> str:
-        value = axis_node_shares(row)
-        return f"{value[depth]:.0%}" if depth < len(value) and value[depth] is not None else NONE
-
-    return TextTable(
-        f"{scene}: the share of kd nodes among interior nodes, by depth",
-        ("spec", *map(str, depths)),
-        tuple((tree, *(share(row, depth) for depth in depths)) for tree, row in rows),
-    )
-
-
-def tree_row(runs: Runs, scene: str, tree: str) -> Record | None:
-    """The counted record of one of our trees."""
-    row = runs.first(scene, "work", tree)
-    return row if row and row["statistics"] else None
-
-
-def axis_node_shares(row: Record) -> list[float | None]:
-    """By depth; None where there are no interior nodes."""
-    levels = row["statistics"]["levels"]
-    inner = [(level["axis_nodes"], level["axis_nodes"] + level["oblique_nodes"]) for level in levels]
-    return [axis / total if total else None for axis, total in inner]
 
 
 def _interval(values: Sequence[float]) -> str:

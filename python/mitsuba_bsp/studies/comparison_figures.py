@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 from ..figures import COLOURS, GUIDE, new_figure, plain
 from ..spec import parse_spec
 from ..thesis import PUBLISHED_TREES
-from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, axis_node_shares, tree_row, with_setting
+from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, with_setting
 from .runs import Runs
+from .tree_shapes import axis_node_shares, tree_row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,6 +46,8 @@ def _marker(marker: str, label: str, **more: object) -> Line2D:
 
 
 def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str, int]) -> None:
+    from matplotlib.ticker import LogLocator
+
     panel.set_xscale("log")
     panel.update_datalim([(80, 0), (125, 0)])  # or it would be empty where nothing differs
     panel.axvline(100, color=GUIDE, linewidth=0.8, linestyle=":")
@@ -60,6 +63,7 @@ def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str,
             panel.plot(
                 theirs[quantity], place + 0.22, "o", markersize=7, fillstyle="none", color="0.3", label="published"
             )
+    panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     panel.xaxis.set_major_formatter("{x:g}")
     panel.xaxis.set_minor_formatter("")
     plain(panel)
