@@ -12,6 +12,9 @@ from tabulate import tabulate
 
 from .comparison import Failure
 
+#: Names are wrapped where the terminal is narrow, but do not vanish.
+_NAME_WIDTH = 12
+
 
 @dataclass(frozen=True)
 class TextTable:
@@ -28,10 +31,9 @@ def print_text_tables(console: Console, tables: Sequence[TextTable], failures: S
         table = Table(
             *found.head, title=found.title, title_justify="left", box=rich.box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
         )
+        table.columns[0].min_width, table.columns[0].overflow = _NAME_WIDTH, "fold"
         for column in table.columns[1:]:
-            column.justify = "right"
-        for column in table.columns:  # or those that may be wrapped would vanish where the terminal is narrow
-            column.no_wrap = True
+            column.justify, column.no_wrap = "right", True
         for row in found.rows:
             table.add_row(*row)
         console.print(table)

@@ -56,9 +56,10 @@ _NO_CLAIM = 2
 _LEGEND = (
     "Times are medians with 95 % bootstrap intervals; percent are of kd built the same way (cost=thesis; "
     "layout=binary; or by default). I and T are triangle tests and interior steps of closest-hit rays, of camera and "
-    "bounces, in one frame; any: those of shadow rays. R is render time, B build time. A verdict on what was "
-    "published needs the same rules (cost=thesis) and the same scene, and a difference beyond the noise of this run; "
-    "probabilities are corrected for the number of comparisons on the scene (Benjamini, Hochberg)."
+    "bounces, in one frame; any: those of shadow rays; kd steps: the share of steps in kd nodes. R is render time, B "
+    "build time. A verdict on what was published needs the same rules (cost=thesis) and the same scene, and a "
+    "difference beyond the noise of this run; probabilities are corrected for the number of comparisons on the scene "
+    "(Benjamini, Hochberg)."
 )
 
 
@@ -160,7 +161,7 @@ def _scene_table(found: Findings) -> TextTable:
 
     return TextTable(
         f"{runs.title(scene)} (noise {found.noise:.1%})",
-        ("spec", "build s", "render s", "R %", "I", "T", "any I", "any T", "MB", "steps in kd nodes"),
+        ("spec", "build s", "render s", "R %", "I", "T", "any I", "any T", "MB", "kd steps"),
         tuple((tree, *cells(tree)) for tree in _ordered(runs)),
     )
 
