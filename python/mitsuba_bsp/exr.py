@@ -9,17 +9,34 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-_COLOURS = {1: ("Y",), 2: ("Y", "A"), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
+_COLOURS = {0: (), 1: ("Y",), 2: ("Y", "A"), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}
 
 
 def channels(pixels: np.ndarray, extra: Sequence[str]) -> dict[str, np.ndarray]:
     """Every channel of `pixels` (height, width, channels) by name, each (height, width) float32.
 
-    The last channels are called `extra`.
+    The last channels are called `extra`, as the integrator says; but of colours that its inner integrators make it
+    says always R, G, B, A, also if the film has only some of these.
     """
     colours = pixels.shape[2] - len(extra)
+    if colours < 0:
+        colours, extra = 0, _inner_colours(extra, -colours)
     names = [*_COLOURS.get(colours, [f"C{index}" for index in range(colours)]), *extra]
     return {name: np.ascontiguousarray(pixels[..., i], np.float32) for i, name in enumerate(names)}
+
+
+def _inner_colours(names: Sequence[str], missing: int) -> list[str]:
+    """The names of channels, of which so many are missing: each inner integrator lacks equally many of R, G, B, A."""
+    inner = [name.removesuffix(".A") for name in names if name.endswith(".A")]
+    kept = _COLOURS[4 - missing // len(inner)]
+    found = []
+    for name in names:
+        owner, _, channel = name.rpartition(".")
+        if owner not in inner or channel not in _COLOURS[4]:
+            found.append(name)
+        elif channel == "R":
+            found += [f"{owner}.{colour}" for colour in kept]
+    return found
 
 
 def write_exr(path: Path, pixels: np.ndarray, extra: Sequence[str], header: Mapping[str, str]) -> None:
