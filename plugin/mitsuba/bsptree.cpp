@@ -55,13 +55,13 @@ public:
         return found;
     }
 
-    ScalarPoint2f barycentrics(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
+    Hit intersect(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
         bsp::Vec3f corners[3];
         this->get_corners(child, triangle, corners);
         const bsp::Triangle t{corners[0], corners[1], corners[2]};
         const auto hit = m_settings.triangle_test == bsp::TriangleTest::woop ? bsp::WoopTest(to_ray(ray)).intersect(t)
                                                                              : bsp::MtTest(to_ray(ray)).intersect(t);
-        return hit ? ScalarPoint2f(hit->u, hit->v) : nearest_weights(corners, ray);
+        return hit ? Hit{hit->t, child, triangle, true, {hit->u, hit->v}} : Hit{};
     }
 
     /// Whoever asks may then read the recorded rays, too.
@@ -164,7 +164,7 @@ private:
             return {};
         const auto next = std::upper_bound(m_starts.begin(), m_starts.end(), hit.triangle);
         const uint32_t child = uint32_t(next - m_starts.begin()) - 1;
-        return {hit.t, child, hit.triangle - m_starts[child], true};
+        return {hit.t, child, hit.triangle - m_starts[child], true, {hit.u, hit.v}};
     }
 
     bsp::Settings m_settings;

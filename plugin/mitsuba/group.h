@@ -12,11 +12,14 @@
 #include <mitsuba/render/scene.h>
 #include <mitsuba/render/scene_ir.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <exception>
 #include <limits>
+#include <mutex>
 #include <vector>
 
 #include "extent.h"
@@ -24,6 +27,18 @@
 #include "plugin_properties.h"
 
 NAMESPACE_BEGIN(mitsuba)
+
+/// Origin and direction, to tell rays apart by their bits.
+struct RayNumbers {
+    std::array<float, 6> numbers{};
+
+    RayNumbers() = default;
+    template <typename Ray>
+    explicit RayNumbers(const Ray &ray) : numbers{ray.o.x(), ray.o.y(), ray.o.z(), ray.d.x(), ray.d.y(), ray.d.z()} {}
+    bool operator==(const RayNumbers &other) const {
+        return std::memcmp(&numbers, &other.numbers, sizeof numbers) == 0;
+    }
+};
 
 /// Which of the accelerator's hits a member reports.
 enum class MemberRole {
@@ -41,19 +56,20 @@ public:
     MI_IMPORT_TYPES(Mesh, Scene)
     using typename Base::ScalarSize;
 
-    /// The triangle that a ray hits first.
+    /// The triangle that a ray hits first, and the weights of its second and third vertex there.
     struct Hit {
         ScalarFloat t = std::numeric_limits<ScalarFloat>::infinity();
         uint32_t child = 0, triangle = 0;
         bool found = false;
+        ScalarPoint2f uv = 0;
     };
 
     // -- what an accelerator does. Nothing that a ray can reach throws. ---------------------------------------------
 
     virtual Hit closest(const Ray3f &ray) const = 0;
     virtual bool any(const Ray3f &ray) const = 0;
-    /// Weights of the triangle's second and third vertex where the ray hits it.
-    virtual ScalarPoint2f barycentrics(uint32_t child, uint32_t triangle, const Ray3f &ray) const = 0;
+    /// The hit of a ray with one triangle alone, however far; not found if it misses.
+    virtual Hit intersect(uint32_t child, uint32_t triangle, const Ray3f &ray) const = 0;
     /// One JSON object.
     virtual std::string statistics() const = 0;
 
@@ -63,8 +79,8 @@ public:
     /// only.
     virtual Hit closest_shared(const Ray3f &ray) const {
         static thread_local Answer last;
-        const auto numbers = numbers_of(ray);
-        if (last.build != m_build || std::memcmp(&last.ray, &numbers, sizeof numbers) != 0 || !(last.maxt >= ray.maxt))
+        const RayNumbers numbers(ray);
+        if (last.build != m_build || !(last.ray == numbers) || !(last.maxt >= ray.maxt))
             last = {m_build, numbers, ray.maxt, closest(ray)};
         Hit hit = last.hit;
         hit.found &= hit.t <= ray.maxt;
@@ -72,6 +88,16 @@ public:
     }
 
     virtual ref<Base> member(size_t index);
+
+    /// Weights of a triangle's vertices where a ray that just misses it comes nearest.
+    ScalarPoint2f nearest(uint32_t child, uint32_t triangle, const Ray3f &ray) const {
+        bsp::Vec3f corners[3];
+        get_corners(child, triangle, corners);
+        return nearest_weights(corners, ray);
+    }
+
+    /// Another number whenever the accelerator has become another one.
+    uint64_t build_number() const { return m_build; }
 
     Mesh *child(size_t index) const { return const_cast<Mesh *>(m_children[index].get()); }
     size_t child_count() const { return m_children.size(); }
@@ -96,9 +122,9 @@ public:
 
     /// What Embree is told about a carrier; invalid if it has no triangles.
     ScalarBoundingBox3f padded_bbox(MemberRole role) const;
-    /// A child's geometry was edited: the accelerator is built again before the next ray. Throws if the new geometry is
-    /// wrong; then the group has no triangles until another edit has put that right.
-    void geometry_changed(size_t index);
+    /// A mesh was edited: every group that holds it builds its accelerator again before the next ray. Throws if the new
+    /// geometry is wrong; then such a group has no triangles until another edit has put that right.
+    static void geometry_changed(const Mesh *mesh);
     void rebuild_if_changed() {
         if (m_changed && std::find(m_broken.begin(), m_broken.end(), true) == m_broken.end())
             rebuild();
@@ -106,11 +132,12 @@ public:
     std::string describe_self() const;
 
     std::vector<ref<Object>> expand() const override {
-        std::vector<ref<Object>> members;
-        if (m_expand)
-            for (size_t i = 0; i < m_children.size(); ++i)
-                members.push_back(const_cast<Group *>(this)->member(i).get());
-        return members;
+        std::vector<ref<Object>> members, listed;
+        for (size_t i = 0; m_expand && i < m_children.size(); ++i)
+            members.push_back(const_cast<Group *>(this)->member(i).get());
+        for (size_t i = 0; m_expand && i < m_listed.size(); ++i)
+            listed.push_back(members[m_listed[i]]);
+        return listed;
     }
 
     // -- an empty group stays in the scene as it is -----------------------------------------------------------------
@@ -126,6 +153,7 @@ public:
 
 protected:
     explicit Group(const Properties &props);
+    ~Group();
 
     /// Takes over the geometry of all children, in order, and builds.
     virtual void build() = 0;
@@ -156,30 +184,38 @@ protected:
         }
     }
 
-    std::vector<ref<Mesh>> m_children;
+    std::vector<ref<Mesh>> m_children; ///< each once
 
 private:
+    /// A mesh may be in several groups, for example in the scene and in one of its shape groups.
+    struct Alive {
+        std::mutex mutex;
+        std::vector<Group *> groups;
+    };
+    static Alive &alive() {
+        static Alive &groups = *new Alive; // never destroyed, for who knows when the last group goes
+        return groups;
+    }
+
     /// A ray and its answer, for as long as the accelerator stays what it is.
     struct Answer {
         uint64_t build = 0; ///< number of the build that answered
-        std::array<ScalarFloat, 6> ray{};
+        RayNumbers ray;
         ScalarFloat maxt = 0;
         Hit hit;
     };
 
-    static std::array<ScalarFloat, 6> numbers_of(const Ray3f &ray) {
-        return {ray.o.x(), ray.o.y(), ray.o.z(), ray.d.x(), ray.d.y(), ray.d.z()};
-    }
-
     bool emits(size_t index) const { return m_children[index]->is_emitter(); }
     bool has_both() const { return m_first_emitter < m_children.size() && m_first_surface < m_children.size(); }
     void take_child(Base *shape, const std::string &name, const Properties &props);
+    void measure_again(size_t index);
     Extent measure(size_t index) const;
     void prepare_texture_sampling(size_t index) const;
 
     bool m_expand, m_changed = false;
     uint64_t m_build = 0;
     size_t m_first_emitter, m_first_surface; ///< number of children if there is none
+    std::vector<size_t> m_listed;            ///< children in the order in which they were given, some of them twice
     std::vector<Extent> m_extents;
     std::vector<bool> m_broken; ///< children whose last edit was wrong: until they are right there are no triangles
     std::vector<const Base *> m_members; ///< those alive
@@ -210,9 +246,34 @@ Group<Float, Spectrum>::Group(const Properties &props) : m_expand(read_flag(prop
         (emits(i) ? m_first_emitter : m_first_surface) = i;
     if (m_children.empty())
         Log(Warn, "the %s \"%s\" has no children: it is invisible", props.plugin_name(), props.id());
+    const std::lock_guard<std::mutex> lock(alive().mutex);
+    alive().groups.push_back(this);
 }
 
-template <typename Float, typename Spectrum> void Group<Float, Spectrum>::geometry_changed(size_t index) {
+template <typename Float, typename Spectrum> Group<Float, Spectrum>::~Group() {
+    const std::lock_guard<std::mutex> lock(alive().mutex);
+    auto &groups = alive().groups;
+    groups.erase(std::find(groups.begin(), groups.end(), this));
+}
+
+template <typename Float, typename Spectrum> void Group<Float, Spectrum>::geometry_changed(const Mesh *mesh) {
+    std::exception_ptr wrong;
+    const std::lock_guard<std::mutex> lock(alive().mutex);
+    for (Group *group : alive().groups) {
+        const auto found = std::find(group->m_children.begin(), group->m_children.end(), mesh);
+        if (found == group->m_children.end())
+            continue;
+        try {
+            group->measure_again(size_t(found - group->m_children.begin()));
+        } catch (...) {
+            wrong = std::current_exception();
+        }
+    }
+    if (wrong)
+        std::rethrow_exception(wrong);
+}
+
+template <typename Float, typename Spectrum> void Group<Float, Spectrum>::measure_again(size_t index) {
     m_changed = true;
     m_broken[index] = true;
     try {
@@ -260,6 +321,10 @@ void Group<Float, Spectrum>::take_child(Base *shape, const std::string &name, co
         Throw("child \"%s\" of a %s is not a triangle mesh: ply, obj, serialized, cube, rectangle and merge shapes can "
               "be grouped, others stay outside",
               name, props.plugin_name());
+    const auto known = std::find(m_children.begin(), m_children.end(), mesh);
+    m_listed.push_back(size_t(known - m_children.begin()));
+    if (known != m_children.end())
+        return;
     const size_t index = m_children.size();
     m_children.push_back(mesh);
     m_members.push_back(nullptr);

@@ -36,6 +36,7 @@ public:
         const Hit hit = m_role == MemberRole::all ? m_group->closest(ray) : m_group->closest_shared(ray);
         if (!hit.found || !reports(hit.child))
             return pi;
+        reported() = {m_group->build_number(), RayNumbers(ray), hit};
         pi.valid = true;
         pi.t = hit.t;
         pi.prim_uv = Point2f(as_float(hit.child), as_float(hit.triangle));
@@ -54,19 +55,20 @@ public:
         const uint32_t index = as_bits(pi.prim_uv.x()), triangle = as_bits(pi.prim_uv.y());
         PreliminaryIntersection3f inner = pi;
         inner.prim_index = triangle;
-        inner.prim_uv = m_group->barycentrics(index, triangle, ray);
+        inner.prim_uv = weights(index, triangle, pi.t, ray);
         inner.shape = m_group->child(index);
         // Depth 0, because a mesh that is not marked as an instance answers nothing below it.
         SurfaceInteraction3f si = inner.shape->compute_surface_interaction(ray, inner, ray_flags, 0, active);
         si.shape = m_group->listed_shape(index);
+        // An instance reads the index from there once we are done. Its caller's method, which owns it, is not const.
+        if (pi.instance != nullptr)
+            const_cast<PreliminaryIntersection3f &>(pi).prim_index = triangle;
         return si;
     }
 
     // -- geometry, as the scene sees it ---------------------------------------------------------------------------
 
-    ScalarSize primitive_count() const override {
-        return m_role != MemberRole::stand_in && m_group->padded_bbox(m_role).valid() ? 1 : 0;
-    }
+    ScalarSize primitive_count() const override { return m_child->primitive_count(); }
     ScalarSize effective_primitive_count() const override { return m_child->effective_primitive_count(); }
     ScalarBoundingBox3f bbox() const override { return m_child->bbox(); }
     ScalarBoundingBox3f bbox(ScalarIndex index) const override {
@@ -74,11 +76,16 @@ public:
     }
     using Base::bbox;
 
-    /// Called before Embree builds: the last moment for the accelerator to be up to date.
+    /// Called before Embree builds: the last moment for the accelerator to be up to date. To Embree a carrier is one
+    /// primitive, a stand-in none.
     void describe(ShapeIR &ir) const override {
         m_group->rebuild_if_changed();
         Base::describe(ir);
+        ir.prim_count = m_role != MemberRole::stand_in && m_group->padded_bbox(m_role).valid() ? 1 : 0;
     }
+
+    /// The mesh itself, for whoever wants to see it.
+    std::vector<ref<Object>> expand() const override { return {ref<Object>(const_cast<Base *>(m_child.get()))}; }
 
     // -- everything else is the child's ---------------------------------------------------------------------------
 
@@ -95,7 +102,7 @@ public:
         m_child->*dirty |= before;
         copy_attachments();
         if (moved) {
-            m_group->geometry_changed(m_index);
+            GroupType::geometry_changed(m_group->child(m_index));
             mark_dirty();
         }
     }
@@ -162,6 +169,35 @@ private:
 
     bool reports(uint32_t child) const {
         return m_role == MemberRole::all || m_group->child(child)->is_emitter() == (m_role == MemberRole::emitters);
+    }
+
+    /// The last hit that this thread has told Embree.
+    struct Reported {
+        uint64_t build = 0;
+        RayNumbers ray;
+        Hit hit;
+    };
+    static Reported &reported() {
+        static thread_local Reported last;
+        return last;
+    }
+
+    /// Barycentrics, for which Embree's answer has no room. The hit that is described is nearly always the last that
+    /// was found. If it is another one it is found again, in this one triangle.
+    ///
+    /// An instance describes a hit by a ray that it has turned into its own space, and Embree has found it by another,
+    /// turned as well: a little different, so that it may just miss the triangle, or very different, for Mitsuba's
+    /// inverse of a rotation around an axis that is not normalised is wrong.
+    Point2f weights(uint32_t child, uint32_t triangle, float t, const Ray3f &ray) const {
+        const Reported &last = reported();
+        const bool is_last = last.build == m_group->build_number() && last.hit.child == child &&
+                             last.hit.triangle == triangle && last.hit.t == t;
+        if (is_last && last.ray == RayNumbers(ray))
+            return last.hit.uv;
+        const Hit again = m_group->intersect(child, triangle, ray);
+        if (again.found && dr::abs(again.t - t) <= 1e-3f * dr::abs(t))
+            return again.uv;
+        return is_last ? last.hit.uv : again.found ? again.uv : m_group->nearest(child, triangle, ray);
     }
 
     /// Those that Mitsuba reads without a virtual call.

@@ -101,18 +101,16 @@ public:
         const Intersection pi = trace<false>(ray);
         if (!pi.is_valid())
             return {};
-        return {pi.t, pi.shape_index, pi.prim_index, true};
+        return {pi.t, pi.shape_index, pi.prim_index, true, pi.prim_uv};
     }
 
     bool any(const Ray3f &ray) const override { return trace<true>(ray).is_valid(); }
 
-    ScalarPoint2f barycentrics(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
-        const auto [hit, t, uv] = m_children[child]->ray_intersect_triangle_scalar(triangle, ray);
-        if (hit)
-            return uv;
-        bsp::Vec3f corners[3];
-        this->get_corners(child, triangle, corners);
-        return nearest_weights(corners, ray);
+    Hit intersect(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
+        Ray3f whole = ray;
+        whole.maxt = dr::Infinity<ScalarFloat>;
+        const auto [hit, t, uv] = m_children[child]->ray_intersect_triangle_scalar(triangle, whole);
+        return hit ? Hit{t, child, triangle, true, uv} : Hit{};
     }
 
     std::string statistics() const override {

@@ -10,16 +10,16 @@
 
 namespace mitsuba {
 
-/// 40 bytes: origin, direction, maxt as floats, 1 (any hit) or 0 (closest) as a 32-bit integer; then t as a float and
-/// the triangle as a 32-bit integer, `no_triangle` for a miss. Any hit is triangle 0 at t = 0.
+/// 48 bytes: origin, direction, maxt as floats, 1 (any hit) or 0 (closest) as a 32-bit integer; then t, u, v as floats
+/// and the triangle as a 32-bit integer, `no_triangle` for a miss. Any hit is triangle 0 at t = 0.
 struct RecordedRay {
     bsp::Vec3f o, d;
     float maxt;
     std::uint32_t any_hit;
-    float t;
+    float t, u, v;
     std::uint32_t triangle;
 };
-static_assert(sizeof(RecordedRay) == 40);
+static_assert(sizeof(RecordedRay) == 48);
 
 /// A file of recorded rays, in the order of the answers.
 class RayRecorder {
@@ -31,11 +31,11 @@ public:
     }
 
     void write_closest(const bsp::Ray &ray, const bsp::Hit &hit) {
-        write({ray.o, ray.d, ray.maxt, false, hit.t, hit.triangle});
+        write({ray.o, ray.d, ray.maxt, false, hit.t, hit.u, hit.v, hit.triangle});
     }
 
     void write_any(const bsp::Ray &ray, bool found) {
-        write({ray.o, ray.d, ray.maxt, true, 0, found ? 0 : bsp::no_triangle});
+        write({ray.o, ray.d, ray.maxt, true, 0, 0, 0, found ? 0 : bsp::no_triangle});
     }
 
     void flush() {

@@ -38,7 +38,7 @@ public:
                 throw std::runtime_error("replay: a ray in the file \"" + path + "\" hit triangle " +
                                          std::to_string(entry.triangle) + ", but here are only " +
                                          std::to_string(triangles) + ": it was recorded with another scene");
-            m_answers.push_back({entry.t, entry.triangle});
+            m_answers.push_back({entry.t, entry.u, entry.v, entry.triangle});
         }
         if (m_answers.size() != size / sizeof(RecordedRay))
             throw std::runtime_error("replay: cannot read all of the file \"" + path + "\"");
@@ -46,10 +46,7 @@ public:
         m_statistics.triangles = triangles;
     }
 
-    bsp::Hit closest(const bsp::Ray &) const noexcept override {
-        const Answer &answer = next();
-        return {answer.t, 0, 0, answer.triangle};
-    }
+    bsp::Hit closest(const bsp::Ray &) const noexcept override { return next(); }
     bool any(const bsp::Ray &) const noexcept override { return next().triangle != bsp::no_triangle; }
 
     bsp::Hit count_closest(const bsp::Ray &ray, bsp::Counters &counters) const noexcept override {
@@ -65,18 +62,13 @@ public:
     std::vector<bsp::MemoryPart> memory() const override { return {}; }
 
 private:
-    struct Answer {
-        float t;
-        std::uint32_t triangle;
-    };
-
-    const Answer &next() const noexcept {
+    const bsp::Hit &next() const noexcept {
         const std::size_t place = m_next;
         m_next = place + 1 == m_answers.size() ? 0 : place + 1;
         return m_answers[place];
     }
 
-    std::vector<Answer> m_answers;
+    std::vector<bsp::Hit> m_answers;
     mutable std::size_t m_next = 0;
 };
 

@@ -22,8 +22,9 @@ KINDS = ("camera", "shadow", "bounce")
 
 #: A ray and its answer as the plugin `bsptree` writes them.
 RECORDED = np.dtype(
-    [("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4"), ("t", "<f4"), ("triangle", "<u4")]
-)
+    [("o", "<f4", 3), ("d", "<f4", 3), ("maxt", "<f4"), ("any_hit", "<u4"), ("t", "<f4"), ("uv", "<f4", 2),
+     ("triangle", "<u4")]
+)  # fmt: skip
 
 #: What a file has of each stream.
 _PARTS = ("origins", "directions", "maxt", "pixels", "total")

@@ -114,7 +114,7 @@ class TestRefusals:
     @pytest.mark.parametrize("size", [0, 39, 41])
     def test_a_file_that_was_cut_off(self, file: Path, size: int) -> None:
         file.write_bytes(file.read_bytes()[:size])
-        self.refused(file, f'replay: the file ".*frame" has {size} bytes, but a recording has 40 for each of its rays')
+        self.refused(file, f'replay: the file ".*frame" has {size} bytes, but a recording has 48 for each of its rays')
 
     def test_the_recording_of_another_scene(self, file: Path) -> None:
         rays = np.fromfile(file, RECORDED)
