@@ -12,7 +12,7 @@ register_plugins()
 from .accelerator import NO_TRIANGLE, Accelerator, faults, survey_planes  # noqa: E402
 from .loading import load_dict, load_file, load_string  # noqa: E402
 from .spec import Setting, Spec, parse_spec, specs  # noqa: E402
-from .tree_statistics import statistics  # noqa: E402
+from .tree_statistics import shapes, statistics  # noqa: E402
 
 __all__ = [
     "NO_TRIANGLE",
@@ -26,6 +26,7 @@ __all__ = [
     "parse_spec",
     "plugin_dir",
     "scenes_dir",
+    "shapes",
     "specs",
     "statistics",
     "survey_planes",

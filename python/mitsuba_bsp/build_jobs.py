@@ -26,7 +26,7 @@ def build(job: Job, stage: Stage) -> dict[str, Any]:
     state = loaded.regrouped(parse_spec(job.spec))
     stage(f"building {job.spec} for {job.scene}")
     scene, values = _measured(lambda: loaded.construct(state))
-    return {**values, "triangles": loaded.triangles, "statistics": statistics(scene)}
+    return {**values, "triangles": loaded.content.triangles, "statistics": statistics(scene)}
 
 
 def grow(job: Job, stage: Stage) -> dict[str, Any]:

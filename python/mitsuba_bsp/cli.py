@@ -26,11 +26,11 @@ from .bench_cli import add_spec_option
 from .compare import compare
 from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
 from .jobs import Job, JobError, run_job
-from .loading import notes
 from .machine import describe
 from .messages import one_sentence
 from .records import ResultsFolder
 from .report_table import make_tables, markdown, print_tables
+from .scene_content import Content, notes
 from .spec import parse_spec, value_text
 from .terminal import (
     BAD_INPUT,
@@ -179,7 +179,7 @@ def _render(args: argparse.Namespace) -> int:
             result = run_job(job)
         except JobError as error:
             raise ValueError(str(error)) from None
-    said = notes(result.values["others"], result.values["meshes"]) if spec.plugin else []
+    said = notes(Content(**result.values["content"])) if spec.plugin else []
     for note in [*said, *result.warnings]:
         say("note", note, "yellow")
     how = "loaded" if result.values["statistics"].get("loaded") else "built"

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from .machine import describe
 from .records import Record
+from .scene_content import Content
 from .spec import Spec
 
 MIN_REPEATS = 3
@@ -41,20 +42,23 @@ class Options:
 class SceneInfo:
     """A scene that was loaded and looked at before the comparison.
 
-    `others` are class names and counts of the shapes that stay outside the accelerator; `resolution` is width, height.
+    `content` is what is under accelerators and what is not; `resolution` is width, height.
     `box_filter`: it uses that pixel filter itself. `fixed_blocks`: its integrator can be told its block size.
     """
 
     name: str
     path: Path
     scene_hash: str
-    triangles: int
-    meshes: int
-    others: Mapping[str, int]
+    content: Content
     spp: int
     resolution: Sequence[int]
     box_filter: bool
     fixed_blocks: bool
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles under accelerators."""
+        return self.content.triangles
 
     @property
     def comparable(self) -> bool:
@@ -100,6 +104,8 @@ def context(options: Options, scene: SceneInfo) -> Record:
         "spp": scene.spp,
         "resolution": list(scene.resolution),
         "seed": SEED,
+        "shape_groups": scene.content.shape_groups,
+        "instances": scene.content.instances,
         "threads": options.threads,
         "cache": options.cache is not None,
         **describe(),

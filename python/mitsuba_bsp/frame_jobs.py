@@ -52,7 +52,7 @@ def time_frames(job: Job, stage: Stage) -> dict[str, Any]:
     for text in job.specs:
         own = replace(job, spec=text)
         contenders[text] = _Contender(own, construct(own, loaded, stage)[0])
-    if job.threads == 1:
+    if job.threads == 1 and loaded.meshes:
         contenders[FREE] = _free(job, loaded, stage)
     # Untimed: these warm up, and are looked at.
     images = {name: contender.frame(stage) for name, contender in contenders.items()}

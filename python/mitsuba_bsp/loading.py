@@ -6,17 +6,19 @@ Loading has two halves, so that building an accelerator can be timed alone: all 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mitsuba as mi
 
 from .messages import choices
-from .spec import Spec, parse_spec
-from .swap import GroupOptions, dissolve, is_groupable, other_shapes, regroup
+from .scene_content import Content, notes
+from .scene_objects import make_objects
+from .spec import BRUTE_MAX_TRIANGLES, Spec, parse_spec
+from .swap import INSTANCE, SHAPE_GROUP, Container, GroupOptions, Reference, dissolve, nodes_of, regroup
 
 VARIANTS = ("scalar_rgb", "scalar_spectral", "scalar_spectral_polarized")
 
@@ -24,37 +26,58 @@ VARIANTS = ("scalar_rgb", "scalar_spectral", "scalar_spectral_polarized")
 Edit = Callable[["mi.parser.ParserState"], None]
 
 
+class NotASceneError(ValueError):
+    """A description of something else than a scene; the text is one sentence."""
+
+
 @dataclass(frozen=True)
 class LoadedScene:
-    """A scene whose objects (meshes, materials, ...) exist, but not yet the scene with its accelerator.
+    """A scene whose objects (meshes, materials, ...) exist, but not yet the scene with its accelerators.
 
-    `source` is kept because Mitsuba's parser state points into it.
+    `containers` are the scene itself and its shape groups. `source` is kept because Mitsuba's parser state points into
+    it.
     """
 
     state: mi.parser.ParserState
     config: mi.parser.ParserConfig
-    children: tuple[tuple[str, mi.Object], ...]
+    containers: tuple[Container, ...]
     source: object
 
     @property
     def meshes(self) -> list[mi.Mesh]:
-        """The triangle meshes that go under the accelerator, in scene order."""
-        return [child for _, child in self.children if is_groupable(child)]
+        """The triangle meshes that go under the accelerator of the scene itself, in scene order."""
+        return self.containers[0].meshes
 
     @property
-    def triangles(self) -> int:
-        """Number of triangles under the accelerator."""
-        return sum(mesh.face_count() for mesh in self.meshes)
-
-    @property
-    def others(self) -> dict[str, int]:
-        """Class names and counts of the shapes that stay outside the accelerator."""
-        return dict(other_shapes([child for _, child in self.children]))
+    def content(self) -> Content:
+        """What is under the accelerators, and what is not."""
+        groups = {container.node for container in self.containers[1:]}
+        references = [child.index() for _, child in self.containers[0].children if isinstance(child, Reference)]
+        return Content(
+            triangles=sum(container.triangles for container in self.containers),
+            meshes=sum(len(container.meshes) for container in self.containers),
+            others=dict(sum((container.others for container in self.containers), Counter())),
+            shape_groups=len(groups),
+            instances=sum(node not in groups for node in references),
+        )
 
     def regrouped(self, spec: Spec, options: GroupOptions | None = None) -> mi.parser.ParserState:
-        """The scene description with its meshes under `spec`, ready for `construct`."""
+        """The scene description with its meshes under `spec`, ready for `construct`.
+
+        Recorded are the rays of the scene itself, not those that instances turn into their own space. ValueError if
+        `spec` is `brute` and the scene is too large for it.
+        """
+        triangles = self.content.triangles
+        if spec.name == "brute" and triangles > BRUTE_MAX_TRIANGLES:
+            raise ValueError(
+                f"brute tests every triangle for every ray and takes at most {BRUTE_MAX_TRIANGLES:,} triangles, "
+                f"but this scene has {triangles:,}"
+            )
+        options = options or GroupOptions()
         state = mi.parser.ParserState(self.state)
-        regroup(state, self.children, spec, options or GroupOptions())
+        for container in self.containers:
+            regroup(state, container, spec, options)
+            options = replace(options, count=options.count and not options.record, record=None, replay=None)
         return state
 
     def construct(self, state: mi.parser.ParserState) -> mi.Scene:
@@ -189,78 +212,18 @@ def _load(
 ) -> LoadedScene:
     """Make all objects that the root of a parsed scene refers to."""
     if state.nodes[0].props.plugin_name() != "scene":
-        raise ValueError(f'this describes a "{state.nodes[0].props.plugin_name()}", not a scene')
+        raise NotASceneError(f'this describes a "{state.nodes[0].props.plugin_name()}", not a scene')
     mi.parser.transform_all(config, state)
     if edit is not None:
         edit(state)
     dissolve(state)
-    root = mi.Properties(state.nodes[0].props)
-    keys = [key for key in root if root.type(key) == mi.Properties.Type.ResolvedReference]
-    holder = mi.Properties(_holder_plugin(config.variant))
-    for index, key in enumerate(keys):
-        holder[str(index)] = root[key]
-    state.nodes[0].type, state.nodes[0].props = mi.ObjectType.Texture, holder
-    mi.parser.instantiate(config, state)
-    made = {key: _made(state.nodes[0].props, str(index)) for index, key in enumerate(keys)}
-    state.nodes[0].type, state.nodes[0].props = mi.ObjectType.Scene, root
-    return LoadedScene(state, config, tuple(_children(root, made)), source)
-
-
-def _made(holder: mi.Properties, key: str) -> list[mi.Object]:
-    """The object that a reference became, or the several it expanded into."""
-    if key in holder:
-        return [holder[key]]
-    found: list[mi.Object] = []
-    while f"{key}_{len(found)}" in holder:
-        found.append(holder[f"{key}_{len(found)}"])
-    return found
-
-
-def _children(root: mi.Properties, made: Mapping[str, list[mi.Object]]) -> Iterator[tuple[str, mi.Object]]:
-    """The scene's objects in the order in which Mitsuba itself would list them."""
-    for key in root:
-        if root.type(key) == mi.Properties.Type.Object:
-            yield key, root[key]
-        elif len(made.get(key, ())) == 1:
-            yield key, made[key][0]
-    # Mitsuba appends what an object expands into behind everything else.
-    for key, objects in made.items():
-        if len(objects) > 1:
-            yield from ((f"{key}_{index}", child) for index, child in enumerate(objects))
+    groups, instances = nodes_of(state, SHAPE_GROUP), nodes_of(state, INSTANCE)
+    return LoadedScene(state, config, make_objects(config, state, [0, *groups], {*groups, *instances}), source)
 
 
 def _finish(loaded: LoadedScene, spec: Spec, cache: str | Path | None) -> mi.Scene:
     """Say what stays outside the accelerator, and construct the scene."""
     if spec.plugin:
-        for note in notes(loaded.others, len(loaded.meshes)):
+        for note in notes(loaded.content):
             mi.Log(mi.LogLevel.Warn, note)
     return loaded.construct(loaded.regrouped(spec, GroupOptions(cache=cache)))
-
-
-def notes(others: Mapping[str, int], meshes: int) -> list[str]:
-    """What a user must know about a scene before reading anything into a comparison."""
-    said = []
-    if others:
-        listed = ", ".join(f"{count} {kind}" for kind, count in others.items())
-        said.append(f"only triangle meshes go under the accelerator, so these shapes stay with Embree: {listed}")
-    if not meshes:
-        said.append("the scene has no triangle mesh, so the accelerator stays empty")
-    return said
-
-
-@cache
-def _holder_plugin(variant: str) -> str:
-    """Register (once per variant) a plugin that accepts any objects and does nothing with them.
-
-    As the root of a parsed scene it makes Mitsuba create all of the scene's objects, with its own checks and in
-    parallel, and no scene.
-    """
-
-    class Holder(mi.Texture):
-        def __init__(self, props: mi.Properties) -> None:
-            super().__init__(props)
-            props.objects()  # marks them as used
-
-    name = "mitsuba_bsp_holder"
-    mi.register_texture(name, Holder)
-    return name

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from .comparison import SEED, Options, SceneInfo, context
 from .jobs import Job, JobError, run_job
-from .loading import notes
 from .messages import choices
 from .records import ResultsFolder, check_context
+from .scene_content import Content, notes
 from .spec import BRUTE_MAX_TRIANGLES, Spec
 
 
@@ -68,8 +68,8 @@ def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None
         result = run_job(job)
     except JobError as error:
         raise ValueError(str(error)) from None
-    scene = SceneInfo(name, path, **result.values)
-    for text in [*notes(scene.others, scene.meshes), *result.warnings]:
+    scene = SceneInfo(name, path, **{**result.values, "content": Content(**result.values["content"])})
+    for text in [*notes(scene.content), *result.warnings]:
         note(f"{name}: {text}")
     return scene
 

@@ -82,14 +82,18 @@ def render(job: Job, scene: mi.Scene, stage: Stage, spp: int) -> Frame:
 
 
 def record_frame(job: Job, loaded: LoadedScene, file: Path, stage: Stage) -> tuple[mi.Scene, Frame]:
-    """Render one frame and write its rays and their answers to `file`; ValueError if there are none."""
+    """Render one frame and write its rays and their answers to `file`; ValueError if there are none.
+
+    They are those that reach the scene's own meshes: an instance asks about its shape group in another space.
+    """
+    if not loaded.meshes:
+        raise ValueError(
+            "the scene has no triangle mesh outside its shape groups, so there is nothing to trace rays in"
+        )
     job = replace(job, spec=RECORDING_SPEC)
     scene, _ = construct(job, loaded, stage, GroupOptions(record=file))
     frame = render(job, scene, stage, samples(job, scene))
-    counters = statistics(scene).get("counters", {})
-    if not counters:
-        raise ValueError("the scene has no triangle mesh, so there is nothing to trace rays in")
-    asked = sum(kind["rays"] for kind in counters.values())
+    asked = sum(kind["rays"] for kind in statistics(scene)["counters"].values())
     check_recording(file, asked)
     if not asked:
         raise ValueError(f"rendering {job.scene} sent no ray to its triangle meshes, so there is nothing to measure")

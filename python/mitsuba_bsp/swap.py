@@ -1,8 +1,10 @@
-"""Move a scene's triangle meshes under one accelerator, changing nothing else in the scene.
+"""Move a scene's triangle meshes under an accelerator, changing nothing else in the scene.
 
 Two steps. `dissolve` works on the parsed scene: groups that the file already names give way to their children.
-`regroup` works on the scene's objects: every mesh moves into one group node, and a `bspmember` that stands for it
-takes its place, so that the order of shapes, emitters and sensors and every parameter name stay as they were.
+`regroup` works on the objects of a container, which is the scene or one of its shape groups: every mesh moves into one
+group node, and a `bspmember` that stands for it takes its place, so that the order of shapes, emitters and sensors and
+every parameter name stay as they were. So the scene has an accelerator, and each shape group has its own, built once
+however often it is instanced.
 """
 
 from __future__ import annotations
@@ -16,10 +18,14 @@ from pathlib import Path
 import mitsuba as mi
 
 from .messages import choices
-from .spec import BRUTE_MAX_TRIANGLES, Spec, Value, make_spec, value_text
+from .spec import Spec, Value, make_spec, value_text
 
 GROUPS = ("bsptree", "nativekdtree")
 MEMBER = "bspmember"
+SHAPE_GROUP, INSTANCE, MERGE = "shapegroup", "instance", "merge"
+
+#: Refers to a node of the parsed scene.
+Reference = mi.Properties.ResolvedReference
 
 #: Meshes whose intersection is more than that of their triangles (this one culls back faces).
 _NOT_PLAIN = ("EllipsoidsMesh",)
@@ -41,54 +47,73 @@ class GroupOptions:
     replay: str | Path | None = None
 
 
-def is_groupable(thing: mi.Object) -> bool:
+@dataclass(frozen=True)
+class Container:
+    """The scene (node 0 of the parsed scene) or one of its shape groups.
+
+    `children` are its objects with their property names, in order. Shape groups and their instances are still
+    references to nodes: they are made with the scene itself, when their content is under an accelerator.
+    """
+
+    node: int
+    children: tuple[tuple[str, mi.Object | Reference], ...]
+
+    @property
+    def meshes(self) -> list[mi.Mesh]:
+        """Those that go under an accelerator, in order, each once."""
+        return list({child.ptr: child for _, child in self.children if is_groupable(child)}.values())
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles under the accelerator."""
+        return sum(mesh.face_count() for mesh in self.meshes)
+
+    @property
+    def others(self) -> Counter[str]:
+        """Class names and counts of the shapes that stay with Embree."""
+        shapes = (child for _, child in self.children if isinstance(child, mi.Shape))
+        return Counter(shape.class_name() for shape in shapes if not is_groupable(shape))
+
+
+def is_groupable(thing: mi.Object | Reference) -> bool:
     """Whether a scene object is a plain triangle mesh, which our accelerators take."""
     return isinstance(thing, mi.Mesh) and thing.class_name() not in _NOT_PLAIN
 
 
-def other_shapes(objects: Sequence[mi.Object]) -> Counter[str]:
-    """Class names and counts of the shapes that stay outside the group."""
-    return Counter(o.class_name() for o in objects if isinstance(o, mi.Shape) and not is_groupable(o))
-
-
 def dissolve(state: mi.parser.ParserState) -> None:
-    """Replace top-level `bsptree`, `nativekdtree` and `merge` nodes by their children, in order.
+    """Replace the `bsptree` and `nativekdtree` nodes of the scene and its shape groups by their children, in order.
 
-    `merge` goes too because the order of merged meshes, hence of their emitters, depends on memory addresses.
     The references of `state` must be resolved. ValueError if a group holds another one, or something that is
     no shape, or has wrong settings.
     """
+    _dissolve_in(state, 0)
+    for group in nodes_of(state, SHAPE_GROUP):
+        _dissolve_in(state, group)
+
+
+def nodes_of(state: mi.parser.ParserState, plugin: str) -> list[int]:
+    """Numbers of the nodes of this plugin that the root of a parsed scene refers to, each once."""
     root = state.nodes[0].props
-    children = [pair for key in _object_keys(root) for pair in _flatten(state, key, root[key])]
-    props = _without_objects(root)
-    for key, child in children:
-        props[key] = child
-    state.nodes[0].props = props
+    found = [root[key].index() for key in object_keys(root) if isinstance(root[key], Reference)]
+    return [node for node in dict.fromkeys(found) if state.nodes[node].props.plugin_name() == plugin]
 
 
-def regroup(
-    state: mi.parser.ParserState, children: Sequence[tuple[str, mi.Object]], spec: Spec, options: GroupOptions
-) -> None:
-    """Rewrite the root of `state` so that it holds `children` under the accelerator `spec`.
-
-    `children` are the scene's objects with their property names, in order. ValueError if `spec` is `brute` and the
-    scene is too large for it.
-    """
-    root = _without_objects(state.nodes[0].props)
-    if spec.name == "embree":
-        root["embree_use_robust_intersections"] = spec.settings["robust"]
-    meshes = [child for _, child in children if spec.plugin and is_groupable(child)]
-    _check_size(spec, meshes)
-    group_index = len(state.nodes)
-    members = iter(range(group_index + 1, group_index + 1 + len(meshes)))
-    for key, child in children:
+def regroup(state: mi.parser.ParserState, container: Container, spec: Spec, options: GroupOptions) -> None:
+    """Rewrite the node of `container` so that it holds its children under the accelerator `spec`."""
+    props = without_objects(state.nodes[container.node].props)
+    if spec.name == "embree" and container.node == 0:
+        props["embree_use_robust_intersections"] = spec.settings["robust"]
+    meshes = container.meshes if spec.plugin else []
+    group = len(state.nodes)
+    members = {mesh.ptr: group + 1 + index for index, mesh in enumerate(meshes)}
+    for key, child in container.children:
         grouped = spec.plugin and is_groupable(child)
-        root[key] = mi.Properties.ResolvedReference(next(members)) if grouped else child
-    state.nodes[0].props = root
+        props[key] = Reference(members[child.ptr]) if grouped else child
+    state.nodes[container.node].props = props
     if meshes:
         _append_shape(state, _group(spec, options, meshes))
     for index, mesh in enumerate(meshes):
-        _append_shape(state, _member(mesh.id(), group_index, index))
+        _append_shape(state, _member(mesh.id(), group, index))
 
 
 def _group(spec: Spec, options: GroupOptions, meshes: Sequence[mi.Mesh]) -> mi.Properties:
@@ -113,42 +138,39 @@ def _member(name: str, group: int, index: int) -> mi.Properties:
     """The node that stands for one mesh of the node number `group`."""
     props = mi.Properties(MEMBER)
     props.set_id(name)
-    props["group"] = mi.Properties.ResolvedReference(group)
+    props["group"] = Reference(group)
     props["index"] = index
     return props
 
 
-def _check_size(spec: Spec, meshes: Sequence[mi.Mesh]) -> None:
-    triangles = sum(mesh.face_count() for mesh in meshes)
-    if spec.name == "brute" and triangles > BRUTE_MAX_TRIANGLES:
-        raise ValueError(
-            f"brute tests every triangle for every ray and takes at most {BRUTE_MAX_TRIANGLES:,} triangles, "
-            f"but this scene has {triangles:,}"
-        )
-
-
-def _object_keys(props: mi.Properties) -> list[str]:
+def object_keys(props: mi.Properties) -> list[str]:
     """Names of the properties that hold an object or a reference to one."""
     kinds = (mi.Properties.Type.ResolvedReference, mi.Properties.Type.Object)
     return [key for key in props if props.type(key) in kinds]
 
 
-def _without_objects(props: mi.Properties) -> mi.Properties:
+def without_objects(props: mi.Properties) -> mi.Properties:
     """A copy of `props` with its plain values only."""
     copy = mi.Properties(props)
-    for key in _object_keys(props):
+    for key in object_keys(props):
         del copy[key]
     return copy
 
 
+def _dissolve_in(state: mi.parser.ParserState, container: int, group: str | None = None) -> None:
+    before = state.nodes[container].props
+    children = [pair for key in object_keys(before) for pair in _flatten(state, key, before[key], group)]
+    props = without_objects(before)
+    for key, child in children:
+        props[key] = child
+    state.nodes[container].props = props
+
+
 def _flatten(
-    state: mi.parser.ParserState,
-    key: str,
-    child: mi.Object | mi.Properties.ResolvedReference,
-    group: str | None = None,
-) -> list[tuple[str, mi.Object | mi.Properties.ResolvedReference]]:
+    state: mi.parser.ParserState, key: str, child: mi.Object | Reference, group: str | None
+) -> list[tuple[str, mi.Object | Reference]]:
     """`child` itself, or what a group holds; `group` is the plugin that encloses it, if any."""
-    if not isinstance(child, mi.Properties.ResolvedReference):
+    if not isinstance(child, Reference):
         return [(key, child)]
     node = state.nodes[child.index()]
     plugin, place = node.props.plugin_name(), mi.parser.file_location(state, node)
@@ -158,22 +180,24 @@ def _flatten(
         raise ValueError(f'{place}: a {group} takes only shapes as children, not the {node.type.name} "{plugin}"')
     if plugin in GROUPS and group in GROUPS:
         raise ValueError(f"{place}: a {plugin} cannot be inside a {group}")
-    if plugin not in (*GROUPS, "merge"):
+    if plugin not in (*GROUPS, MERGE):
         return [(key, child)]
     _check_settings(plugin, node.props, place)
-    inside = plugin if plugin in GROUPS else group or plugin
-    pairs = [(f"{key}/{name}", node.props[name]) for name in _object_keys(node.props)]
+    pairs = [(f"{key}/{name}", node.props[name]) for name in object_keys(node.props)]
     if not pairs:
         mi.Log(mi.LogLevel.Warn, f"{place}: this {plugin} is empty and adds nothing to the scene")
-    return [pair for name, inner in pairs for pair in _flatten(state, name, inner, inside)]
+    if plugin == MERGE:
+        _dissolve_in(state, child.index(), group)
+        return [(key, child)]
+    return [pair for name, inner in pairs for pair in _flatten(state, name, inner, plugin)]
 
 
 def _check_settings(plugin: str, props: mi.Properties, place: str) -> None:
     """ValueError unless the settings that the file gives to a group are valid."""
-    objects = set(_object_keys(props))
+    objects = set(object_keys(props))
     given = {key: _text(props, key) for key in props if key not in objects}
     try:
-        if plugin == "merge":
+        if plugin == MERGE:
             if given:
                 raise ValueError(f"merge takes no properties, but has {choices(given)}")
             return

@@ -10,6 +10,7 @@ import re
 import resource
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -100,9 +101,7 @@ def _inspect(job: Job, stage: Stage) -> dict[str, Any]:
         sampler.set_sample_count(job.spp)
     return traits | {
         "scene_hash": digest,
-        "triangles": loaded.triangles,
-        "meshes": len(loaded.meshes),
-        "others": loaded.others,
+        "content": asdict(loaded.content),
         "spp": sampler.sample_count(),
         "resolution": [int(side) for side in film.crop_size()],
     }
@@ -145,8 +144,7 @@ def _render_once(job: Job, stage: Stage) -> dict[str, Any]:
     return {
         "build_s": build_s,
         "render_s": frame.wall_s,
-        "meshes": len(loaded.meshes),
-        "others": loaded.others,
+        "content": asdict(loaded.content),
         "statistics": statistics(scene),
     }
 

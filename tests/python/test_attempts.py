@@ -13,8 +13,9 @@ from mitsuba_bsp.attempts import Attempts
 from mitsuba_bsp.comparison import Failure, SceneInfo
 from mitsuba_bsp.jobs import Job, JobError, JobResult
 from mitsuba_bsp.records import ResultsFolder
+from mitsuba_bsp.scene_content import Content
 
-SCENE = SceneInfo("room", Path("room.xml"), "h", 30, 2, {}, 4, (8, 6), box_filter=True, fixed_blocks=True)
+SCENE = SceneInfo("room", Path("room.xml"), "h", Content(30, 2, {}), 4, (8, 6), box_filter=True, fixed_blocks=True)
 JOB = Job("time", "room.xml", "scalar_rgb", spec="kd")
 
 

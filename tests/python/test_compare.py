@@ -21,6 +21,7 @@ from mitsuba_bsp.report_table import make_tables, markdown
 
 SPECS = ("native", "embree", "kd", "normals")
 
+CONTENT = {"triangles": 1234, "meshes": 2, "others": {}, "shape_groups": 1, "instances": 7}
 COUNTERS = {"rays": 10, "axis_steps": 60, "oblique_steps": 20, "leaves_visited": 30, "triangle_tests": 50}
 
 
@@ -37,7 +38,7 @@ class Workers:
         if on_stage:
             on_stage(f"building {job.spec} for {job.scene}, 40%")
         if job.kind == "inspect":
-            traits = {"scene_hash": "h", "triangles": 1234, "meshes": 2, "others": {}, "spp": 4, "resolution": [8, 6]}
+            traits = {"scene_hash": "h", "content": CONTENT, "spp": 4, "resolution": [8, 6]}
             return JobResult({**traits, "box_filter": True, "fixed_blocks": True}, ())
         if self.interrupt_after is not None and len(self.jobs) >= self.interrupt_after:
             raise KeyboardInterrupt
@@ -127,6 +128,7 @@ def test_a_record_holds_everything(workers: Workers, options: Options) -> None:
     assert record["spec_full"].startswith("normals:") and "triangle_test=woop" in record["spec_full"]
     expected = {
         "scene_hash": "h", "spp": 4, "resolution": [8, 6], "seed": 0, "threads": 2, "variant": "scalar_rgb",
+        "shape_groups": 1, "instances": 7,
         "params": {"spp": "4"}, "build_s": 0.25, "render_s": 0.5, "mitsuba": "3.9.1",
         "image": "images/garden--normals.exr", "image_repeats": True, "oblique_nodes_share": 0.25,
         "interior_steps_per_ray": 4.0, "triangle_tests_per_ray": 2.5, "oblique_steps_share": 0.25,
@@ -243,7 +245,7 @@ def test_brute_refuses_large_scenes_before_the_first_job(workers: Workers, optio
     workers.jobs.clear()
 
     def large(job: Job, *_: object) -> JobResult:
-        return JobResult({**workers.run(job).values, "triangles": 20_001}, ())
+        return JobResult({**workers.run(job).values, "content": {**CONTENT, "triangles": 20_001}}, ())
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(preflight, "run_job", large)

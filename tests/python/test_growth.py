@@ -11,6 +11,7 @@ from mitsuba_bsp.build_table import Growth, make_growth_tables
 from mitsuba_bsp.comparison import SceneInfo
 from mitsuba_bsp.growth import fit_growth, sizes_from, tessellate
 from mitsuba_bsp.growth_plot import plot_growth
+from mitsuba_bsp.scene_content import Content
 
 SIZES = np.array([1e5, 3e5, 1e6, 3e6])
 
@@ -71,7 +72,7 @@ def grown(exponent: float, peak: int | None) -> Growth:
 
 
 def test_tables_and_figure(tmp_path: Path) -> None:
-    scene = SceneInfo("knot", Path("knot.xml"), "", 100_000, 1, {}, 4, (8, 8), True, True)
+    scene = SceneInfo("knot", Path("knot.xml"), "", Content(100_000, 1, {}), 4, (8, 8), True, True)
     exponents, every = make_growth_tables(scene, [grown(1.2, 2000), grown(1.1, None)])
     assert exponents.rows[0] == ("kd", "1.200 [1.200, 1.200]", "1.076", "NO", "2,000", "NO")
     assert exponents.rows[1][3:] == ("yes", "-", "-")

@@ -12,16 +12,41 @@ from conftest import ROOM, scene_xml
 import mitsuba_bsp
 from mitsuba_bsp import parse_spec
 from mitsuba_bsp.loading import LoadedScene, open_file
+from mitsuba_bsp.scene_content import Content
 from mitsuba_bsp.spec import make_spec
 from mitsuba_bsp.swap import GroupOptions
 
 CUBE = '<shape type="cube"/>'
+RED = '<bsdf type="diffuse" id="red"/>'
+RED_CUBES = [f'<shape type="cube" id="{name}"><ref id="red"/></shape>' for name in "abc"]
+LAMP = '<shape type="cube"><emitter type="area"/></shape>'
+
+
+def merge(*shapes: str) -> str:
+    return f'<shape type="merge" id="m">{"".join(shapes)}</shape>'
+
+
+#: Scenes with hand-written merges: what they merge, and what they pass on.
+MERGES = {
+    "alike": [RED, merge(*RED_CUBES)],
+    "unlike": [merge(CUBE, CUBE)],
+    "one": [merge(CUBE), CUBE],
+    "lamps": [merge(LAMP, LAMP)],
+    "others": [RED, merge(RED_CUBES[0], '<shape type="sphere" id="s"/>', RED_CUBES[1], '<bsdf type="diffuse"/>')],
+    "nested": [RED, merge('<shape type="merge">', *RED_CUBES[:2], "</shape>", RED_CUBES[2])],
+}
 
 
 def write(tmp_path: Path, *shapes: str) -> Path:
     path = tmp_path / "scene.xml"
     path.write_text(scene_xml(*shapes))
     return path
+
+
+def summary(shape: mi.Shape) -> tuple[str, str, int, bool]:
+    """Class, id (unless Mitsuba made it up), triangles and light of a shape."""
+    name = "" if shape.id().startswith("_unnamed_") else shape.id()
+    return shape.class_name(), name, shape.effective_primitive_count(), shape.is_emitter()
 
 
 def plugins(loaded: LoadedScene, spec: str) -> list[str]:
@@ -84,28 +109,45 @@ class TestDescription:
         loaded = open_file(room)
         assert plugins(loaded, "kd") == plugins(loaded, "native") == plugins(loaded, "kd")
 
-    @pytest.mark.parametrize("group", ["bsptree", "nativekdtree", "merge"])
+    @pytest.mark.parametrize("group", ["bsptree", "nativekdtree"])
     def test_groups_in_the_file_give_way_to_their_children(self, tmp_path: Path, group: str) -> None:
         inner = f'<shape type="{group}">{CUBE}<shape type="rectangle"/></shape>'
         path = write(tmp_path, '<shape type="sphere"/>', inner, '<emitter type="constant"/>')
         assert plugins(open_file(path), "embree")[2:] == ["Sphere", "Cube", "Rectangle", "ConstantBackgroundEmitter"]
 
-    def test_a_merge_inside_a_group_gives_way_too(self, tmp_path: Path) -> None:
-        path = write(tmp_path, f'<shape type="bsptree"><shape type="merge">{CUBE}</shape>{CUBE}</shape>')
-        assert plugins(open_file(path), "kd")[2:] == ["bspmember"] * 2
+    @pytest.mark.parametrize("kind", MERGES)
+    def test_merge_makes_what_mitsuba_makes(self, tmp_path: Path, kind: str) -> None:
+        path = write(tmp_path, *MERGES[kind])
+        plain = mi.load_file(str(path), optimize=False)
+        swapped = mitsuba_bsp.load_file(path, "embree", optimize=False)
+        assert sorted(map(summary, swapped.shapes())) == sorted(map(summary, plain.shapes()))
 
-    def test_a_shape_named_twice_stays_twice(self, tmp_path: Path) -> None:
-        path = write(tmp_path, '<shape type="cube" id="a"/>', '<ref id="a"/>')
-        loaded = open_file(path)
-        assert [mesh.ptr for mesh in loaded.meshes] == [loaded.meshes[0].ptr] * 2
+    def test_a_merge_inside_a_group_is_one_mesh(self, tmp_path: Path) -> None:
+        path = write(tmp_path, RED, f'<shape type="bsptree">{merge(*RED_CUBES)}{CUBE}</shape>')
+        assert plugins(open_file(path), "kd")[3:] == ["bspmember"] * 2
+
+    def test_a_group_inside_a_merge_gives_way(self, tmp_path: Path) -> None:
+        path = write(tmp_path, RED, merge(f'<shape type="bsptree">{"".join(RED_CUBES)}</shape>'))
+        assert [mesh.id() for mesh in open_file(path).meshes] == ["m"]
+
+    def test_a_shape_named_twice_is_listed_twice(self, tmp_path: Path) -> None:
+        loaded = open_file(write(tmp_path, '<shape type="cube" id="a"/>', '<ref id="a"/>'))
+        assert [mesh.id() for mesh in loaded.meshes] == ["a"]
         assert plugins(loaded, "kd")[2:] == ["bspmember"] * 2
 
-    def test_shapes_inside_a_shapegroup_stay_there(self, tmp_path: Path) -> None:
-        group = f'<shape type="shapegroup" id="g">{CUBE}</shape>'
-        path = write(tmp_path, group, '<shape type="instance"><ref id="g"/></shape>')
-        loaded = open_file(path)
-        assert loaded.others == {"ShapeGroupPlugin": 1, "Instance": 1}
-        assert plugins(loaded, "kd")[2:] == ["ShapeGroupPlugin", "Instance"]
+    def test_a_shape_group_gets_its_own_accelerator(self, tmp_path: Path) -> None:
+        sphere = '<shape type="sphere"/>'
+        group = f'<shape type="shapegroup" id="g">{CUBE}{sphere}</shape>'
+        instance = '<shape type="instance"><ref id="g"/></shape>'
+        loaded = open_file(write(tmp_path, group, instance, instance, CUBE, sphere))
+        assert loaded.content == Content(24, 2, {"Sphere": 2}, shape_groups=1, instances=2)
+        assert plugins(loaded, "kd")[2:] == ["shapegroup", "instance", "instance", "bspmember", "Sphere"]
+        state = loaded.regrouped(parse_spec("kd"), GroupOptions(record=tmp_path / "rays"))
+        (inner,) = [node.props for node in state.nodes if node.props.plugin_name() == "shapegroup"]
+        first, second = (inner[key] for key in inner if inner.type(key) != mi.Properties.Type.String)
+        assert state.nodes[first.index()].props.plugin_name() == "bspmember" and second.class_name() == "Sphere"
+        trees = [node.props for node in state.nodes if node.props.plugin_name() == "bsptree"]
+        assert [(tree["record"] != "", tree["count"]) for tree in trees] == [(True, False), (False, False)]
 
     def test_brute_refuses_a_large_scene(self, tmp_path: Path) -> None:
         sides = np.linspace(0, 1, 103, dtype=np.float32)
