@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+
+from mitsuba_bsp.verification.meshes import sphere
 
 from .plugin_scenes import assert_same_up_to_rounding, ball, group, load, pixels, place, ray, to_mesh, view
 from .test_emitters import lamp, surfaces, textured
@@ -38,8 +41,28 @@ def move_lamp(params: Any) -> None:
 
 
 def drop_faces(params: Any) -> None:
-    """Shrink some to points: Mitsuba itself takes no array of another length in scalar variants."""
+    """Shrink some to points."""
     params["ball.faces"] = np.where(np.arange(len(params["ball.faces"])) < 3 * 100, 0, params["ball.faces"])
+
+
+def resize(params: Any, key: str, value: np.ndarray) -> None:
+    """Assign an array of another length, at which Mitsuba's assignment fails in scalar variants when it compares."""
+    current, kind, _, _ = params.properties[key]
+    array = dr.scalar.ArrayXu if value.dtype == np.uint32 else dr.scalar.ArrayXf
+    params.set_dirty(key)
+    params.set_property(current, kind, array(value))
+
+
+def half_the_faces(params: Any) -> None:
+    resize(params, "ball.faces", np.array(params["ball.faces"], np.uint32)[: 3 * 100])
+    resize(params, "box.faces", np.array(params["box.faces"], np.uint32)[: 3 * 7])
+
+
+def another_mesh(params: Any) -> None:
+    """More vertices and more faces."""
+    mesh = sphere("finer", 14)
+    resize(params, "ball.vertex_positions", (mesh.vertices * 0.3 + [0.9, 0, 0.6]).astype(np.float32).ravel())
+    resize(params, "ball.faces", mesh.faces.astype(np.uint32).ravel())
 
 
 def reverse_faces(params: Any) -> None:
@@ -57,7 +80,9 @@ EDITS = {
     "textured lamp": move("glow", (-1, 0, -0.5)),
     "rectangle": move_rectangle,
     "rectangular lamp": move_lamp,
-    "fewer faces": drop_faces,
+    "faces without area": drop_faces,
+    "fewer faces": half_the_faces,
+    "another mesh": another_mesh,
     "faces in another order": reverse_faces,
     "several": several,
 }
