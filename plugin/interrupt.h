@@ -1,36 +1,42 @@
-/// Ctrl-C while a tree is being built: the build is cancelled, then the signal goes where it would have gone.
+/// Ctrl-C while trees are being built: the builds are cancelled, then the signal goes where it would have gone.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <csignal>
+#include <mutex>
 
 #include "build_monitor.h"
 
-/// Cancels `monitor` on SIGINT while it lives. When it ends, the previous handler is back, and gets a signal that came
-/// meanwhile: Python's then raises KeyboardInterrupt as soon as Python code runs again.
+/// Cancels `monitor` on SIGINT while it lives; several may, on several threads. When the last one ends, the previous
+/// handler is back, and gets a signal that came meanwhile: Python's then raises KeyboardInterrupt as soon as Python
+/// code runs again.
 class InterruptWatch {
 public:
-    explicit InterruptWatch(bsp::BuildMonitor &monitor) {
-        bsp::BuildMonitor *none = nullptr;
-        m_active = watched().compare_exchange_strong(none, &monitor); // nested builds: the outer one watches
-        if (!m_active)
-            return;
-        interrupted() = false;
-        struct sigaction action{};
-        action.sa_handler = [](int) {
-            interrupted() = true;
-            if (bsp::BuildMonitor *const current = watched())
-                current->cancel();
-        };
-        sigaction(SIGINT, &action, &m_previous);
+    explicit InterruptWatch(bsp::BuildMonitor &monitor) : m_monitor(monitor) {
+        Watches &all = watches();
+        const std::lock_guard<std::mutex> lock(all.mutex);
+        if (all.count++ == 0)
+            start(all);
+        for (auto &slot : all.monitors) {
+            bsp::BuildMonitor *none = nullptr;
+            if (slot.compare_exchange_strong(none, &monitor))
+                break; // if all are taken, this build ends by itself
+        }
+        if (all.interrupted)
+            monitor.cancel();
     }
 
     ~InterruptWatch() {
-        if (!m_active)
+        Watches &all = watches();
+        const std::lock_guard<std::mutex> lock(all.mutex);
+        for (auto &slot : all.monitors)
+            if (slot == &m_monitor)
+                slot = nullptr;
+        if (--all.count > 0)
             return;
-        sigaction(SIGINT, &m_previous, nullptr);
-        watched() = nullptr;
-        if (interrupted())
+        sigaction(SIGINT, &all.previous, nullptr);
+        if (all.interrupted)
             std::raise(SIGINT);
     }
 
@@ -38,15 +44,29 @@ public:
     InterruptWatch &operator=(const InterruptWatch &) = delete;
 
 private:
-    static std::atomic<bsp::BuildMonitor *> &watched() {
-        static std::atomic<bsp::BuildMonitor *> monitor{nullptr};
-        return monitor;
-    }
-    static std::atomic<bool> &interrupted() {
-        static std::atomic<bool> flag{false};
-        return flag;
+    struct Watches {
+        std::mutex mutex;
+        int count = 0;
+        std::array<std::atomic<bsp::BuildMonitor *>, 256> monitors{}; ///< what a signal handler may touch
+        std::atomic<bool> interrupted{false};
+        struct sigaction previous{};
+    };
+    static Watches &watches() {
+        static Watches all;
+        return all;
     }
 
-    bool m_active = false;
-    struct sigaction m_previous{};
+    static void start(Watches &all) {
+        all.interrupted = false;
+        struct sigaction action{};
+        action.sa_handler = [](int) {
+            watches().interrupted = true;
+            for (auto &slot : watches().monitors)
+                if (bsp::BuildMonitor *const monitor = slot)
+                    monitor->cancel();
+        };
+        sigaction(SIGINT, &action, &all.previous);
+    }
+
+    bsp::BuildMonitor &m_monitor;
 };

@@ -14,8 +14,8 @@ void register_scalar_plugin(std::string_view name, PluginRegisterFn register_plu
     using Spectral = Plugin<float, Spectrum<float, 4>>;
     using Polarized = Plugin<float, MuellerMatrix<Spectrum<float, 4>>>;
     const PluginInstantiateFn refuse = [](void *, const Properties &props) -> ref<Object> {
-        Throw("the plugin \"%s\" works in the scalar variants only: set scalar_rgb, scalar_spectral or "
-              "scalar_spectral_polarized",
+        Throw("the plugin \"%s\" works in the scalar variants only, which have no gradients: set scalar_rgb, "
+              "scalar_spectral or scalar_spectral_polarized",
               props.plugin_name());
     };
     std::string_view variants = MI_VARIANTS; // one name a line

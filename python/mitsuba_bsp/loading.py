@@ -180,7 +180,8 @@ def check_variant() -> str:
         return variant
     found = f'the active variant is "{variant}"' if variant else "no variant is set"
     raise RuntimeError(
-        f"{found}, but mitsuba_bsp works in {choices(VARIANTS)} only: call mitsuba.set_variant() with one of them"
+        f"{found}, but mitsuba_bsp works in {choices(VARIANTS)} only, which have no gradients: "
+        "call mitsuba.set_variant() with one of them"
     )
 
 

@@ -20,16 +20,19 @@ rng = np.random.default_rng(1)
 count = 300_000
 corners = np.repeat(rng.random((count, 3)), 3, axis=0) + 0.02 * rng.random((3 * count, 3))
 vertices, faces = corners.astype(np.float32), np.arange(3 * count).reshape(-1, 3)
+mesh = mi.Mesh("mesh", len(vertices), len(faces))
+params = mi.traverse(mesh)
+params["vertex_positions"], params["faces"] = vertices.ravel(), faces.ravel()
+params.update()
 spec = "random:k=32,axes=none,exact_below=1000000"  # takes long
 """
 IN_CORE = "mitsuba_bsp.Accelerator(vertices, faces, spec)"
 IN_SCENE = """
-mesh = mi.Mesh("mesh", len(vertices), len(faces))
-params = mi.traverse(mesh)
-params[next(key for key in params.keys() if key.endswith("vertex_positions"))] = vertices.ravel()
-params[next(key for key in params.keys() if key.endswith("faces"))] = faces.ravel()
-params.update()
 mitsuba_bsp.load_dict({"type": "scene", "mesh": mesh}, spec)
+"""
+IN_SHAPE_GROUPS = """
+groups = {f"g{i}": {"type": "shapegroup", "mesh": mesh} for i in range(6)}
+mitsuba_bsp.load_dict({"type": "scene", **groups}, spec)
 """
 RUN = """
 print("ready", flush=True)
@@ -41,7 +44,7 @@ print(mitsuba_bsp.Accelerator(vertices[:300], faces[:100]).statistics()["triangl
 """
 
 
-@pytest.mark.parametrize("build", [IN_CORE, IN_SCENE], ids=["core", "scene"])
+@pytest.mark.parametrize("build", [IN_CORE, IN_SCENE, IN_SHAPE_GROUPS], ids=["core", "scene", "shape groups"])
 def test_ctrl_c_ends_a_build(build: str) -> None:
     code = f"{SET_UP}\ndef build():\n{textwrap.indent(build, '    ')}\n{RUN}"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:

@@ -64,5 +64,8 @@ def test_other_variants_are_refused(variant: str) -> None:
         pytest.skip(f"Mitsuba cannot set {variant} here, because LLVM is not installed")
     assert result.returncode == 0, result.stderr
     for plugin in ("bsptree", "nativekdtree", "bspmember"):
-        sentence = f'the plugin "{plugin}" works in the scalar variants only: set scalar_rgb, scalar_spectral or'
+        sentence = (
+            f'the plugin "{plugin}" works in the scalar variants only, which have no gradients: set scalar_rgb, '
+            "scalar_spectral or scalar_spectral_polarized"
+        )
         assert sentence in result.stdout
