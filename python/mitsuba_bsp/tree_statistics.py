@@ -70,7 +70,7 @@ def _each_once(objects: Iterable[mi.Object]) -> list[mi.Object]:
 
 
 def _together(trees: list[dict[str, Any]]) -> dict[str, Any]:
-    total: dict[str, Any] = {"spec": trees[0]["spec"]}
+    total: dict[str, Any] = {"spec": " + ".join(dict.fromkeys(tree["spec"] for tree in trees))}
     total |= {key: sum(tree[key] for tree in trees) for key in _ADDED if all(key in tree for tree in trees)}
     total["max_depth"] = max(tree["max_depth"] for tree in trees)
     total["loaded"] = all(tree.get("loaded", False) for tree in trees)
