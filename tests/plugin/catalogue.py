@@ -384,6 +384,11 @@ def _(_: Path) -> Description:
     return in_the_dark(sky={"type": "envmap", "bitmap": noise(0, 2, side=16)["bitmap"]})
 
 
+@item("sun and sky")
+def _(_: Path) -> Description:
+    return in_the_dark(sky={"type": "sunsky", "sun_direction": [0.3, -0.5, 1], "turbidity": 3.0, "to_world": place()})
+
+
 @item("point light")
 def _(_: Path) -> Description:
     return in_the_dark(light={"type": "point", "position": [1, -2, 3], "intensity": rgb(9, 9, 9)})
@@ -595,6 +600,26 @@ def _(_: Path) -> Description:
     return lit(
         metered={"type": "rectangle", "to_world": place(0.8, at=(0, 0, 0.5)), "meter": meter, "bsdf": grey()},
         second={"type": "orthographic", "to_world": above, "film": film, "sampler": sampler},
+    )
+
+
+@item("a sensor far away", sensor=1)
+@item("a batch of sensors", sensor=2)
+@item("a single ray", sensor=3)
+def _(_: Path) -> Description:
+    def pixels(width: int, height: int, samples: int) -> Description:
+        film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}}
+        return {"film": film, "sampler": {"type": "independent", "sample_count": samples}}
+
+    def view_from(*origin: float) -> Description:
+        at = mi.ScalarTransform4f().look_at(origin, [0, 0, 0], [0, 0, 1])
+        return {"type": "perspective", "to_world": at, **pixels(16, 16, 16)}
+
+    return in_the_dark(
+        sky={"type": "constant"},
+        far={"type": "distant", "direction": [0.3, 0.2, -1], **pixels(1, 1, 256)},
+        batch={"type": "batch", "left": view_from(-5, -4, 2), "right": view_from(5, -4, 3), **pixels(32, 16, 16)},
+        ray={"type": "radiancemeter", "origin": [0, -4, 1], "direction": [0.1, 1, -0.3], **pixels(1, 1, 256)},
     )
 
 
