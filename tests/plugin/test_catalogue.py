@@ -45,22 +45,27 @@ class Picture:
     hits: np.ndarray
 
 
-def load(item: Item, folder: Path, spec: str) -> mi.Scene:
+def load(item: Item, folder: Path, spec: str | None) -> mi.Scene:
+    """The scene under `spec`, or as Mitsuba itself loads it."""
+    folder.mkdir()
     made = item.make(folder)
     if isinstance(made, str):
         (folder / "scene.xml").write_text(made)
-        return mitsuba_bsp.load_file(folder / "scene.xml", spec, **item.params)
+        if spec is None:
+            return mi.load_file(str(folder / "scene.xml"), optimize=False, **item.params)
+        return mitsuba_bsp.load_file(folder / "scene.xml", spec, optimize=False, **item.params)
     integrator = item.integrator if item.single else {"type": "moment", "inner": item.integrator}
     blocks = {} if item.integrator["type"] == "ptracer" else {"block_size": 16}
     description: dict[str, Any] = {**view(SIDE), "integrator": {**integrator, **blocks}}
     description["camera"] |= item.camera
     description["camera"]["film"]["pixel_format"] = "rgb"
     description["camera"]["sampler"]["sample_count"] = SAMPLES
-    return mitsuba_bsp.load_dict({**description, **made}, spec)
+    if spec is None:
+        return mi.load_dict({**description, **made}, optimize=False)
+    return mitsuba_bsp.load_dict({**description, **made}, spec, optimize=False)
 
 
 def render(item: Item, folder: Path, spec: str) -> Picture:
-    folder.mkdir()
     scene = load(item, folder, "embree:robust=true" if spec == "robust" else spec)
     raw = channels(np.array(mi.render(scene, seed=SEED, sensor=item.sensor), np.float32),
                    scene.integrator().aov_names())  # fmt: skip
@@ -107,6 +112,22 @@ def test_camera_rays_hit_what_they_hit_in_embree(pictures: dict[str, Picture], s
     found, expected = pictures[spec].hits, pictures["robust"].hits
     same = np.isclose(found, expected, rtol=1e-3, atol=1e-3).all(axis=2)
     assert np.mean(~same) <= EDGES, np.argwhere(~same).tolist()
+
+
+@pytest.mark.parametrize("name", [name for name in ITEMS if name != "groups in the file"])
+def test_lists_and_names_stay(name: str, tmp_path: Path) -> None:
+    """Shapes, emitters, sensors and parameters in the same order; but a mesh in the scene and in a shape group has its
+    parameters under both names, not only under the first."""
+    mi.set_variant(ITEMS[name].variant)
+    plain, swapped = load(ITEMS[name], tmp_path / "plain", None), load(ITEMS[name], tmp_path / "kd", "kd")
+    for objects in ("shapes", "emitters", "sensors"):
+        found, expected = ([thing.id() for thing in getattr(s, objects)()] for s in (swapped, plain))
+        assert [n for n in found if n not in expected] == [n for n in expected if n not in found], objects
+        assert len(found) == len(expected)
+    keys, wanted = ([key for key in mi.traverse(s).properties if "object_" not in key] for s in (swapped, plain))
+    extra = set(keys) - set(wanted)
+    assert [key for key in keys if key not in extra] == wanted
+    assert name == "several shape groups" or not extra
 
 
 @pytest.mark.parametrize("pictures", ["furnace"], indirect=True)
