@@ -28,9 +28,14 @@ def notes(content: Content) -> list[str]:
         listed = ", ".join(f"{count} {kind}" for kind, count in content.others.items())
         said.append(f"only triangle meshes go under the accelerator, so these shapes stay with Embree: {listed}")
     if content.shape_groups:
+        groups, instances = content.shape_groups, content.instances
+        has = (
+            "a shape group has an accelerator of its own"
+            if groups == 1
+            else f"{groups} shape groups have their own accelerators"
+        )
         said.append(
-            f"each of {content.shape_groups} shape groups has an accelerator of its own, built once; the level above, "
-            f"of {content.instances} instances, stays with Embree"
+            f"{has}, built once; the level above, of {instances} instance{'s' * (instances != 1)}, stays with Embree"
         )
     if not content.meshes:
         said.append("the scene has no triangle mesh, so the accelerator stays empty")
