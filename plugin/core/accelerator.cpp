@@ -36,9 +36,9 @@ public:
         Hit best;
         const Test test(own);
         for (const auto &[triangle, id] : m_triangles)
-            if (const auto hit = test.intersect(triangle))
-                if (hit->t >= 0 && hit->t <= own.maxt && (hit->t < best.t || !best.found()))
-                    best = {hit->t, hit->u, hit->v, id};
+            if (const TriangleHit hit = test.intersect(triangle);
+                hit.t() >= 0 && hit.t() <= own.maxt && (hit.t() < best.t || !best.found()))
+                best = {hit.t(), hit.u(), hit.v(), id};
         return in_users_units(best, per_t);
     }
 

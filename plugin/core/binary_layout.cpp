@@ -101,12 +101,9 @@ float packed_tolerance(const Tree &tree) { return round_up(tree.plane_tolerance)
 void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,
                 LargePageVector<TriangleBlock> &blocks) {
     for (std::size_t i = 0; i < count; i += TriangleBlock::width) {
-        TriangleBlock block{};
-        for (unsigned lane = 0; lane < TriangleBlock::width; ++lane)
-            if (i + lane < count)
-                block.set(lane, set.triangles[ids[i + lane]], ids[i + lane]);
-            else
-                block.set(lane, Triangle{}, no_triangle);
+        TriangleBlock block;
+        for (unsigned lane = 0; lane < TriangleBlock::width && i + lane < count; ++lane)
+            block.set(lane, set.triangles[ids[i + lane]], ids[i + lane]);
         blocks.push_back(block);
     }
 }

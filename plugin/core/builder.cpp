@@ -122,7 +122,8 @@ private:
         const std::size_t capped = tree.capped_leaves;
         tree.nodes.push_back({split->kind, split->direction, split->plane.offset, 0, 0, 0});
         const auto [price_below, price_above] = build_children(std::move(below), std::move(above), start, tree);
-        const double price = step_price(split->kind) + (area_below * price_below + area_above * price_above) / area;
+        const double price =
+            step_price(node.depth, split->kind) + (area_below * price_below + area_above * price_above) / area;
         if (price < leaf_price || !m_settings.retract)
             return price;
         tree.nodes.resize(start); // the splits never paid: a leaf after all
@@ -134,7 +135,8 @@ private:
 
     bool may_split(const NodeWork &node, double leaf_price, Tree &tree) const {
         const bool may_pay =
-            !m_settings.retract || leaf_price > std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
+            !m_settings.retract ||
+            leaf_price > node_price(node.depth) + std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
         if (!may_pay || node.references.size() <= std::size_t(m_settings.leaf_size))
             return false;
         tree.capped_leaves += node.depth >= m_max_depth;
@@ -163,8 +165,15 @@ private:
         tree.nodes.push_back(leaf);
     }
 
-    double step_price(TreeNode::Kind kind) const {
-        return kind == TreeNode::Kind::axis ? m_settings.cost.axis_cost : m_settings.cost.oblique_cost;
+    /// What the first plane of every node of the layout costs besides the plane.
+    double node_price(int depth) const {
+        const bool is_root = m_settings.layout == LayoutKind::wide && depth % wide_levels == 0;
+        return is_root ? m_settings.cost.node_cost : 0;
+    }
+
+    double step_price(int depth, TreeNode::Kind kind) const {
+        const bool is_axis = kind == TreeNode::Kind::axis;
+        return node_price(depth) + (is_axis ? m_settings.cost.axis_cost : m_settings.cost.oblique_cost);
     }
 
     /// The directions a node may be cut along; the one place where the axes policy is applied.
@@ -261,27 +270,30 @@ private:
         const CostModel &cost = m_settings.cost;
         const double surcharge = cost.alpha * cost.intersection_cost * (count - 1);
         const bool by_size = cost.oblique_price != ObliquePrice::constant;
-        const double base = cost.oblique_price == ObliquePrice::linear ? cost.axis_cost : cost.oblique_cost;
+        const double axis_price = step_price(node.depth, TreeNode::Kind::axis);
+        const double true_price = step_price(node.depth, TreeNode::Kind::oblique);
+        const double base = cost.oblique_price == ObliquePrice::linear ? axis_price : true_price;
         const auto attempt = [&](double oblique_price) {
-            const std::optional<Split> swept = cheapest(directions, planes, oblique_price);
+            const std::optional<Split> swept = cheapest(directions, planes, axis_price, oblique_price);
             return m_triangle_planes ? or_triangle_plane(node, swept, oblique_price) : swept;
         };
-        std::optional<Split> split = attempt(by_size ? base + surcharge : cost.oblique_cost);
+        std::optional<Split> split = attempt(by_size ? base + surcharge : true_price);
         // A price that grows with the node keeps oblique planes to where they gain much; where it lets nothing beat the
         // leaf, they are tried again at their true price (Ize, Wald, Parker 2008).
         if (by_size && cost.retry && (!split || split->price >= cost.leaf_price(node.references.size())))
-            split = attempt(cost.oblique_cost);
+            split = attempt(true_price);
         return split;
     }
 
     std::optional<Split> cheapest(const std::vector<Direction> &directions,
-                                  const std::vector<std::optional<SweptPlane>> &planes, double oblique_price) const {
+                                  const std::vector<std::optional<SweptPlane>> &planes, double axis_price,
+                                  double oblique_price) const {
         std::optional<Split> best;
         for (std::size_t i = 0; i < directions.size(); ++i) {
             if (!planes[i])
                 continue;
             const TreeNode::Kind kind = kind_of(directions[i]);
-            const double step = kind == TreeNode::Kind::axis ? m_settings.cost.axis_cost : oblique_price;
+            const double step = kind == TreeNode::Kind::axis ? axis_price : oblique_price;
             const double price = step + planes[i]->cost;
             if (!best || price < best->price)
                 best = Split{kind, directions[i], *planes[i], price};

@@ -240,10 +240,13 @@ std::vector<Key> cost_keys() {
                    [](Settings &s) -> double & { return s.cost.intersection_cost; }),
         number_key("leaf_cost", "price of a visit of a leaf that is not empty, besides its tests", For::built, 0, huge,
                    "a number from 0 up", [](Settings &s) -> double & { return s.cost.leaf_cost; }),
-        number_key("axis_cost", "price of one step through an axis-aligned node", For::built, 0, huge,
-                   "a number from 0 up", [](Settings &s) -> double & { return s.cost.axis_cost; }),
-        number_key("oblique_cost", "price of one step through an oblique node", For::oblique, 0, huge,
-                   "a number from 0 up", [](Settings &s) -> double & { return s.cost.oblique_cost; }),
+        number_key("node_cost",
+                   "price of a visit of a wide node, besides its planes; a node of one plane has none of its own",
+                   For::built, 0, huge, "a number from 0 up", [](Settings &s) -> double & { return s.cost.node_cost; }),
+        number_key("axis_cost", "price of one axis-aligned plane", For::built, 0, huge, "a number from 0 up",
+                   [](Settings &s) -> double & { return s.cost.axis_cost; }),
+        number_key("oblique_cost", "price of one oblique plane", For::oblique, 0, huge, "a number from 0 up",
+                   [](Settings &s) -> double & { return s.cost.oblique_cost; }),
         word_key<ObliquePrice>(
             "oblique_price",
             "how oblique splits of n triangles are priced: constant: oblique_cost; linear: axis_cost + "
@@ -327,10 +330,10 @@ void apply_preset(CostPreset preset, std::optional<LayoutKind> layout, Settings 
         s.layout = LayoutKind::binary;
     if (preset == CostPreset::measured) {
         if (s.layout == LayoutKind::binary)
-            s.cost = {0.15, 0, 1.0, 1.1, ObliquePrice::surcharge, 0.1, true, 0.9};
+            s.cost = {0.15, 0, 0, 1.0, 1.1, ObliquePrice::surcharge, 0.1, true, 0.9};
         return;
     }
-    s.cost = {80, 0, 1, 5, ObliquePrice::linear, 0.1, preset == CostPreset::ize, 1.0};
+    s.cost = {80, 0, 0, 1, 5, ObliquePrice::linear, 0.1, preset == CostPreset::ize, 1.0};
     if (preset == CostPreset::ize)
         return;
     s.exact_below = 1 << 30;

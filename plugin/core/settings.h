@@ -24,6 +24,9 @@ enum class LayoutKind {
     binary, ///< one plane a node, as in the papers
     wide,   ///< seven planes a node, tested at once
 };
+/// Levels of planes in a node of `LayoutKind::wide`.
+constexpr int wide_levels = 3;
+
 /// The instructions that wide nodes are traversed with. They decide nothing but the time it takes.
 enum class Simd {
     best, ///< AVX-512 where the processor has it
@@ -54,14 +57,15 @@ enum class ObliquePrice {
 };
 
 /// Prices of the surface area heuristic (MacDonald, Booth 1990). Only their ratios matter. The defaults are those of
-/// wide nodes.
+/// wide nodes, a visit of which costs 3.
 struct CostModel {
     double intersection_cost = 0.12; ///< one triangle test
-    double leaf_cost = 1.5;          ///< one visit of a leaf that is not empty, besides its tests
-    double axis_cost = 1.0;          ///< one axis-aligned plane on a ray's way
-    double oblique_cost = 1.0;       ///< one oblique plane
+    double leaf_cost = 1.0;          ///< one visit of a leaf that is not empty, besides its tests
+    double node_cost = 2.4;          ///< one visit of a node, besides its planes: paid by the plane at its root
+    double axis_cost = 0.2;          ///< one axis-aligned plane on a ray's way
+    double oblique_cost = 0.4;       ///< one oblique plane
     ObliquePrice oblique_price = ObliquePrice::surcharge;
-    double alpha = 0.03;      ///< how the price of oblique splits grows with the node
+    double alpha = 0.06;      ///< how the price of oblique splits grows with the node
     bool retry = true;        ///< where nothing beats the leaf, oblique splits are tried again at `oblique_cost`
     double empty_bonus = 0.9; ///< factor on the children's cost when one of them is empty
 

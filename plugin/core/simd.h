@@ -19,8 +19,6 @@ struct Float8 {
     static constexpr int width = 8;
     static Float8 load(const float *p) { return {_mm256_load_ps(p)}; }
     static Float8 all(float x) { return {_mm256_set1_ps(x)}; }
-    /// x, y and z in lanes 0, 1 and 2.
-    static Float8 of(float x, float y, float z) { return {_mm256_castps128_ps256(_mm_setr_ps(x, y, z, 0))}; }
 
     Float8 operator+(Float8 o) const { return {_mm256_add_ps(v, o.v)}; }
     Float8 operator-(Float8 o) const { return {_mm256_sub_ps(v, o.v)}; }
@@ -33,7 +31,6 @@ struct Float8 {
     Float8 operator>(Float8 o) const { return {_mm256_cmp_ps(v, o.v, _CMP_GT_OQ)}; }
     Float8 operator>=(Float8 o) const { return {_mm256_cmp_ps(v, o.v, _CMP_GE_OQ)}; }
     Float8 operator[](__m256i lanes) const { return {_mm256_permutevar8x32_ps(v, lanes)}; }
-    Float8 abs() const { return {_mm256_andnot_ps(_mm256_set1_ps(-0.0f), v)}; }
     /// One bit per lane, set where a comparison was true.
     unsigned bits() const { return unsigned(_mm256_movemask_ps(v)); }
 };

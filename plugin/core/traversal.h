@@ -64,23 +64,36 @@ template <Mode mode, typename T> T widened_end(T t, T slack) {
 /// The closest hit within the ray's interval; equal t goes to the smaller id.
 class ClosestQuery {
 public:
-    explicit ClosestQuery(float maxt) { m_hit.t = maxt; }
+    explicit ClosestQuery(float maxt) : m_hit(with_id(_mm_set_ss(maxt), no_triangle)) {}
 
     static constexpr bool is_any = false;
-    float limit() const { return m_hit.t; }
-    std::uint32_t known() const { return m_hit.triangle; } ///< it need not be tested again
+    float limit() const { return _mm_cvtss_f32(m_hit); }
+    std::uint32_t known() const { return std::uint32_t(_mm_extract_epi32(_mm_castps_si128(m_hit), 3)); }
 
-    template <Mode mode> bool offer(const TriangleHit &hit, std::uint32_t id) {
-        const bool tie = mode == Mode::first_of_ties ? !m_hit.found() : id < m_hit.triangle;
-        if (hit.t >= 0 && (hit.t < m_hit.t || (hit.t == m_hit.t && tie)))
-            m_hit = {hit.t, hit.u, hit.v, id};
-        return mode == Mode::early_out && m_hit.found();
+    /// True if the search is over. No branches but for equal t: whether a hit is closer can hardly be predicted.
+    template <Mode mode> [[gnu::always_inline]] bool offer(const TriangleHit &hit, std::uint32_t id) {
+        __m128 closer = _mm_and_ps(_mm_cmpge_ss(hit.tuv, _mm_setzero_ps()), _mm_cmplt_ss(hit.tuv, m_hit));
+        if (__builtin_expect(hit.t() == limit(), false) && hit.t() >= 0 &&
+            (mode == Mode::first_of_ties ? known() == no_triangle : id < known()))
+            closer = _mm_castsi128_ps(_mm_set1_epi32(-1));
+        m_hit = _mm_blendv_ps(m_hit, with_id(hit.tuv, id), _mm_permute_ps(closer, 0));
+        return mode == Mode::early_out && known() != no_triangle;
     }
 
-    Hit result() const { return m_hit.found() ? m_hit : Hit{}; }
+    Hit result() const {
+        if (known() == no_triangle)
+            return {};
+        alignas(16) float tuv[4];
+        _mm_store_ps(tuv, m_hit);
+        return {tuv[0], tuv[1], tuv[2], known()};
+    }
 
 private:
-    Hit m_hit;
+    static __m128 with_id(__m128 tuv, std::uint32_t id) {
+        return _mm_castsi128_ps(_mm_insert_epi32(_mm_castps_si128(tuv), int(id), 3));
+    }
+
+    __m128 m_hit; ///< a `Hit` in a register; without one t is the end of the ray's interval
 };
 
 /// Whether anything is hit within the ray's interval.
@@ -93,7 +106,7 @@ public:
     std::uint32_t known() const { return no_triangle; }
 
     template <Mode> bool offer(const TriangleHit &hit, std::uint32_t) {
-        m_found |= hit.t >= 0 && hit.t <= m_maxt;
+        m_found |= (hit.t() >= 0) & (hit.t() <= m_maxt);
         return m_found;
     }
 
@@ -153,21 +166,33 @@ template <Mode mode> struct RayFrame {
     }
 };
 
-/// Offers the triangles of blocks to the query; true if the search is over.
+/// Offers the triangles of a leaf's blocks to the query; true if the search is over. All blocks are looked at before a
+/// triangle is decided, so that a leaf has one loop whose end must be guessed, not one for each block.
 template <Mode mode, typename Test, typename Query, typename Counting>
-bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &test, Query &query, Counting counting) {
+[[gnu::always_inline]] inline bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &test,
+                                                Query &query, Counting counting) {
     if constexpr (Counting::counts) {
         ++counting.counters.leaves;
         for (std::uint32_t i = 0; i < count; ++i)
             counting.counters.triangle_tests += block[i].triangle_count();
     }
-    for (; count > 0; --count, ++block)
-        for (unsigned lanes = test.candidates(*block, query.limit(), query.known()); lanes != 0; lanes &= lanes - 1) {
-            const unsigned lane = unsigned(__builtin_ctz(lanes));
-            if (const auto hit = test.intersect(TriangleBlock::Lane{*block, lane}))
-                if (query.template offer<mode>(*hit, block->ids[lane]))
-                    return true;
+    constexpr std::uint32_t at_once = 64 / TriangleBlock::width;
+    for (std::uint32_t now; count > 0; count -= now, block += now) {
+        now = std::min(count, at_once);
+        std::uint64_t lanes = 0;
+        for (std::uint32_t i = 0; i < now; ++i)
+            lanes |= std::uint64_t(test.candidates(block[i])) << (TriangleBlock::width * i);
+        for (; lanes != 0; lanes &= lanes - 1) {
+            const unsigned lane = unsigned(__builtin_ctzll(lanes));
+            const TriangleBlock &owner = block[lane / TriangleBlock::width];
+            const std::uint32_t id = owner.ids[lane % TriangleBlock::width];
+            if (id == query.known())
+                continue;
+            const TriangleHit hit = test.intersect(TriangleBlock::Lane{owner, lane % TriangleBlock::width});
+            if (query.template offer<mode>(hit, id))
+                return true;
         }
+    }
     return false;
 }
 
@@ -209,13 +234,13 @@ private:
 };
 
 template <Splits splits, Mode mode, typename Test, typename Query, typename Counting>
-void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting counting) {
+Query traverse(const BinaryLayout &layout, const Ray &ray, Query query, Counting counting) {
     if constexpr (Counting::counts)
         ++counting.counters.rays;
     const RayFrame<mode> frame(ray, layout.box, layout.plane_tolerance);
     float entry = frame.entry, exit = frame.exit;
     if (!(entry <= exit))
-        return;
+        return query;
     const FamilyTable<splits> families(frame, layout);
     const Test test(ray);
 
@@ -264,11 +289,11 @@ void traverse(const BinaryLayout &layout, const Ray &ray, Query &query, Counting
         if (const std::uint32_t count = word.triangle_count()) {
             const std::uint32_t blocks = (count + TriangleBlock::width - 1) / TriangleBlock::width;
             if (visit_blocks<mode>(layout.blocks.data() + word.index(), blocks, test, query, counting))
-                return;
+                return query;
         }
         do {
             if (pending == 0)
-                return;
+                return query;
             --pending;
             at = stack[pending].word;
             entry = stack[pending].entry;

@@ -1,7 +1,9 @@
 /// The leaf format of every tree: blocks of eight triangles, their vertices copied next to one another.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 
 #include "ray.h"
 #include "simd.h"
@@ -12,25 +14,26 @@ namespace bsp {
 struct alignas(32) TriangleBlock {
     static constexpr unsigned width = Float8::width;
 
-    float vertices[3][3][width]; ///< [vertex][axis][lane]; unused lanes hold anything finite
+    float vertices[3][3][width]; ///< [vertex][axis][lane]; not numbers in unused lanes, so that no test accepts them
     std::uint32_t ids[width];    ///< `no_triangle` in unused lanes
 
+    TriangleBlock() {
+        for (auto &corner : vertices)
+            for (auto &axis : corner)
+                std::fill_n(axis, width, std::numeric_limits<float>::quiet_NaN());
+        std::fill_n(ids, width, no_triangle);
+    }
+
     void set(unsigned lane, const Triangle &t, std::uint32_t id) {
-        const Vec3f corners[3] = {t.a, t.b, t.c};
-        for (unsigned vertex = 0; vertex < 3; ++vertex)
+        for (unsigned corner = 0; corner < 3; ++corner)
             for (unsigned axis = 0; axis < 3; ++axis)
-                vertices[vertex][axis][lane] = corners[vertex][axis];
+                vertices[corner][axis][lane] = t(corner, axis);
         ids[lane] = id;
     }
 
-    /// Negative in each lane with this id; `no_triangle`: in those that are not in use.
-    Float8 lanes_of(std::uint32_t id) const {
-        const __m256i all = _mm256_load_si256(reinterpret_cast<const __m256i *>(ids));
-        return {_mm256_castsi256_ps(_mm256_cmpeq_epi32(all, _mm256_set1_epi32(int(id))))};
-    }
-    unsigned triangle_count() const { return width - unsigned(__builtin_popcount(lanes_of(no_triangle).bits())); }
+    unsigned triangle_count() const { return width - unsigned(std::count(ids, ids + width, no_triangle)); }
 
-    Float8 load(unsigned vertex, unsigned axis) const { return Float8::load(vertices[vertex][axis]); }
+    Float8 load(std::size_t vertex, std::size_t axis) const { return Float8::load(vertices[vertex][axis]); }
 
     /// One of its triangles, by coordinates.
     struct Lane {

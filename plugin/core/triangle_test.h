@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
 
 #include "direction.h"
@@ -13,9 +12,15 @@
 
 namespace bsp {
 
-/// Where a ray meets a triangle's plane inside the triangle; t may be negative or beyond maxt.
+/// Where a ray meets a triangle: t, u and v in lanes 0, 1 and 2; t may be negative or beyond maxt. Where it misses the
+/// triangle, t is not a number.
 struct TriangleHit {
-    float t, u, v;
+    __m128 tuv;
+
+    float t() const { return _mm_cvtss_f32(tuv); }
+    float u() const { return _mm_cvtss_f32(_mm_permute_ps(tuv, 1)); }
+    float v() const { return _mm_cvtss_f32(_mm_permute_ps(tuv, 2)); }
+    bool found() const { return !std::isnan(t()); }
 };
 
 /// Watertight test of Woop, Benthin, Wald (2013): the triangle is moved and sheared so that the ray becomes the z axis;
@@ -26,73 +31,71 @@ struct TriangleHit {
 /// floats is exact. So t is accurate too when the triangle is seen from its edge.
 class WoopTest {
 public:
-    explicit WoopTest(const Ray &ray) : m_origin(ray.o) {
+    [[gnu::always_inline]] explicit WoopTest(const Ray &ray) {
         const Vec3f size{std::abs(ray.d.x), std::abs(ray.d.y), std::abs(ray.d.z)};
-        m_z = unsigned(size.y > size.x); // no branches: they could not be predicted
-        m_z += (2 - m_z) & -unsigned(size.z > std::max(size.x, size.y));
+        m_z = std::size_t(size.y > size.x); // no branches: they could not be predicted
+        m_z += (2 - m_z) & -std::size_t(size.z > std::max(size.x, size.y));
         m_x = next_axis[m_z];
         m_y = after_axis[m_z];
-        m_shear_x = ray.d[m_x] / ray.d[m_z];
-        m_shear_y = ray.d[m_y] / ray.d[m_z];
+        m_shear_x = Float8::all(ray.d[m_x] / ray.d[m_z]);
+        m_shear_y = Float8::all(ray.d[m_y] / ray.d[m_z]);
         m_inverse_z = 1.0 / double(ray.d[m_z]);
-        m_sign_z = std::copysign(0.0f, ray.d[m_z]);
-        m_reach_z = std::abs(ray.d[m_z]) * 1.0001f;
+        m_origin_x = Float8::all(ray.o[m_x]);
+        m_origin_y = Float8::all(ray.o[m_y]);
+        m_origin_z = Float8::all(ray.o[m_z]);
     }
 
-    /// A set bit for every triangle but `known` that `intersect` might accept with t from 0 to `limit`, and some
-    /// others.
-    [[gnu::always_inline]] unsigned candidates(const TriangleBlock &block, float limit, std::uint32_t known) const {
-        const Float8 ox = Float8::all(m_origin[m_x]), oy = Float8::all(m_origin[m_y]), oz = Float8::all(m_origin[m_z]);
-        const Float8 sx = Float8::all(m_shear_x), sy = Float8::all(m_shear_y);
-        Float8 x[3], y[3], z[3];
-        for (unsigned i = 0; i < 3; ++i) {
-            const Float8 depth = block.load(i, m_z) - oz;
-            x[i] = fnmadd(sx, depth, block.load(i, m_x) - ox);
-            y[i] = fnmadd(sy, depth, block.load(i, m_y) - oy);
-            z[i] = {_mm256_xor_ps(depth.v, _mm256_set1_ps(m_sign_z))};
+    /// A set bit for every triangle of the block that the ray's line may hit, and for few others.
+    [[gnu::always_inline]] unsigned candidates(const TriangleBlock &block) const {
+        Float8 x[3], y[3];
+        for (std::size_t i = 0; i < 3; ++i) {
+            const Float8 z = block.load(i, m_z) - m_origin_z;
+            x[i] = fnmadd(m_shear_x, z, block.load(i, m_x) - m_origin_x);
+            y[i] = fnmadd(m_shear_y, z, block.load(i, m_y) - m_origin_y);
         }
-        const Float8 beyond = min(min(z[0], z[1]), z[2]) > Float8::all(limit * m_reach_z),
-                     behind = max(max(z[0], z[1]), z[2]) < Float8::all(0);
         const Float8 u = x[2] * y[1] - y[2] * x[1];
         const Float8 v = x[0] * y[2] - y[0] * x[2];
         const Float8 w = x[1] * y[0] - y[1] * x[0];
         const Float8 zero = Float8::all(0);
-        const Float8 outside = (min(min(u, v), w) < zero) & (max(max(u, v), w) > zero);
-        return (1u << TriangleBlock::width) - 1 -
-               (outside | beyond | behind | block.lanes_of(known) | block.lanes_of(no_triangle)).bits();
+        return ((min(min(u, v), w) >= zero) | (max(max(u, v), w) <= zero)).bits();
     }
 
-    template <typename Corners> std::optional<TriangleHit> intersect(const Corners &corners) const {
-        const Sheared a = shear(corners, 0), b = shear(corners, 1), c = shear(corners, 2);
-        const double u = c.x * b.y - c.y * b.x, v = a.x * c.y - a.y * c.x, w = b.x * a.y - b.y * a.x;
-        if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0))
-            return std::nullopt;
-        const double determinant = u + v + w;
-        if (!(determinant != 0)) // seen from its edge, or not a number
-            return std::nullopt;
-        const double t = (u * a.z + v * b.z + w * c.z) * m_inverse_z; // times the determinant
-        if (t * determinant < 0)
-            return std::nullopt;
-        const double inverse = 1 / determinant;
-        return TriangleHit{float(t * inverse), float(v * inverse), float(w * inverse)};
+    /// No branches: whether a triangle is hit can hardly be predicted.
+    template <typename Corners> [[gnu::always_inline]] TriangleHit intersect(const Corners &corners) const {
+        const __m128 z = _mm_sub_ps(along(corners, m_z), half(m_origin_z));
+        const __m128 x = _mm_fnmadd_ps(half(m_shear_x), z, _mm_sub_ps(along(corners, m_x), half(m_origin_x)));
+        const __m128 y = _mm_fnmadd_ps(half(m_shear_y), z, _mm_sub_ps(along(corners, m_y), half(m_origin_y)));
+        const __m256d edges = _mm256_sub_pd(_mm256_mul_pd(cab(x), bca(y)), _mm256_mul_pd(cab(y), bca(x))); // u, v, w
+        const int negative = _mm256_movemask_pd(_mm256_cmp_pd(edges, _mm256_setzero_pd(), _CMP_LT_OQ));
+        const int positive = _mm256_movemask_pd(_mm256_cmp_pd(edges, _mm256_setzero_pd(), _CMP_GT_OQ));
+        const int outside = -int((negative != 0) & (positive != 0)); // all bits, which are not a number, or none
+        // Where the triangle is seen from its edge the determinant is 0, and so is what it divides.
+        const double inverse = 1 / sum(edges);
+        const double t = sum(_mm256_mul_pd(edges, _mm256_cvtps_pd(z))) * m_inverse_z;
+        const __m256d scaled = _mm256_mul_pd(_mm256_blend_pd(edges, _mm256_set1_pd(t), 1), _mm256_set1_pd(inverse));
+        return {_mm_or_ps(_mm256_cvtpd_ps(scaled), _mm_castsi128_ps(_mm_cvtsi32_si128(outside)))};
     }
 
 private:
-    struct Sheared {
-        double x, y, z; ///< floats, kept as doubles for their products
-    };
-
-    template <typename Corners> Sheared shear(const Corners &corners, unsigned i) const {
-        const float z = corners(i, m_z) - m_origin[m_z];
-        return {fnmadd(m_shear_x, z, corners(i, m_x) - m_origin[m_x]),
-                fnmadd(m_shear_y, z, corners(i, m_y) - m_origin[m_y]), z};
+    /// A coordinate of the three vertices; lane 3 repeats the last.
+    template <typename Corners> static __m128 along(const Corners &corners, std::size_t axis) {
+        const unsigned k = unsigned(axis);
+        return _mm_setr_ps(corners(0, k), corners(1, k), corners(2, k), corners(2, k));
+    }
+    static __m128 half(Float8 x) { return _mm256_castps256_ps128(x.v); }
+    // Floats kept as doubles for their products; lane 3 repeats one of them, so that it has no sign of its own.
+    static __m256d cab(__m128 x) { return _mm256_cvtps_pd(_mm_permute_ps(x, 0b01010010)); }
+    static __m256d bca(__m128 x) { return _mm256_cvtps_pd(_mm_permute_ps(x, 0b00001001)); }
+    /// Of lanes 0, 1 and 2, in this order.
+    static double sum(__m256d x) {
+        const __m128d low = _mm256_castpd256_pd128(x);
+        return _mm_cvtsd_f64(low) + _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)) +
+               _mm_cvtsd_f64(_mm256_extractf128_pd(x, 1));
     }
 
-    Vec3f m_origin;
-    unsigned m_x = 0, m_y = 0, m_z = 0;
-    float m_shear_x, m_shear_y;
+    std::size_t m_x, m_y, m_z;
+    Float8 m_origin_x, m_origin_y, m_origin_z, m_shear_x, m_shear_y; ///< each in all lanes
     double m_inverse_z;
-    float m_sign_z, m_reach_z;
 };
 
 /// The test of Mitsuba's `Mesh` (Moeller, Trumbore 1997), operation by operation, fused where Mitsuba's is.
@@ -127,19 +130,19 @@ class MtTest {
 public:
     explicit MtTest(const Ray &ray) : m_origin(ray.o), m_direction(ray.d) {}
 
-    unsigned candidates(const TriangleBlock &block, float limit, std::uint32_t known) const {
+    /// A set bit for every triangle of the block that the ray hits.
+    unsigned candidates(const TriangleBlock &block) const {
         Vec3<Float8> corners[3];
         for (unsigned vertex = 0; vertex < 3; ++vertex)
             corners[vertex] = {block.load(vertex, 0), block.load(vertex, 1), block.load(vertex, 2)};
         const auto [hit, inside] = test<Float8>(all(m_origin), all(m_direction), corners[0], corners[1], corners[2]);
-        return (inside & (hit.z >= Float8::all(0)) & (hit.z <= Float8::all(limit))).bits() &
-               ~(block.lanes_of(known) | block.lanes_of(no_triangle)).bits();
+        return (inside & (hit.z >= Float8::all(0))).bits();
     }
 
-    template <typename Corners> std::optional<TriangleHit> intersect(const Corners &corners) const {
+    template <typename Corners> TriangleHit intersect(const Corners &corners) const {
         const auto corner = [&](unsigned i) { return Vec3f{corners(i, 0), corners(i, 1), corners(i, 2)}; };
         const auto [hit, inside] = test<float>(m_origin, m_direction, corner(0), corner(1), corner(2));
-        return inside ? std::optional(TriangleHit{hit.z, hit.x, hit.y}) : std::nullopt;
+        return {inside ? _mm_setr_ps(hit.z, hit.x, hit.y, 0) : _mm_set1_ps(NAN)};
     }
 
 private:

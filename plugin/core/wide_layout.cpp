@@ -17,15 +17,13 @@ public:
 
     /// The node for the subtree of `root`, a leaf included.
     WideChild add_node(std::size_t root) {
-        const bool is_oblique = has_oblique(root, levels);
+        const bool is_oblique = has_oblique(root, wide_levels);
         const std::size_t line = new_node(is_oblique);
         fill(line, is_oblique, 0, 0, WideNode::cells / 2, root);
         return WideChild::node(std::uint32_t(line), is_oblique);
     }
 
 private:
-    static constexpr int levels = 3;
-
     bool has_oblique(std::size_t from, int depth) const {
         const TreeNode &node = m_tree.nodes[from];
         if (depth == 0 || node.kind == TreeNode::Kind::leaf)
@@ -44,15 +42,21 @@ private:
             wide.children[cell] = child.with_axis(wide.axis(cell));
             return;
         }
-        WideNode &wide = m_layout.lines[line].node;
-        wide.offsets[plane] = node.offset;
-        wide.children[plane] = WideChild::in(wide.children[plane]).with_axis(node.direction.major);
-        if (is_oblique) {
-            m_layout.lines[line + 1].slopes.a[plane] = node.direction.a;
-            m_layout.lines[line + 1].slopes.b[plane] = node.direction.b;
-        }
+        for (unsigned lane = 0; lane < WideNode::cells; ++lane)
+            if (WideNode::plane_of_lane[lane] == plane)
+                set_plane(line, is_oblique, lane, node);
         fill(line, is_oblique, 2 * plane + 1, cell, reach / 2, from + 1);
         fill(line, is_oblique, 2 * plane + 2, cell + reach, reach / 2, node.above);
+    }
+
+    void set_plane(std::size_t line, bool is_oblique, unsigned lane, const TreeNode &node) {
+        WideNode &wide = m_layout.lines[line].node;
+        wide.offsets[lane] = node.offset;
+        wide.children[lane] = WideChild(wide.children[lane]).with_axis(node.direction.major);
+        if (is_oblique) {
+            m_layout.lines[line + 1].slopes.a[lane] = node.direction.a;
+            m_layout.lines[line + 1].slopes.b[lane] = node.direction.b;
+        }
     }
 
     WideChild child_of(std::size_t from) {
@@ -73,7 +77,7 @@ private:
             return WideChild::leaf(std::uint32_t(first), std::uint32_t(count));
         }
         const std::size_t line = new_node(false);
-        std::fill_n(m_layout.lines[line].node.offsets, WideNode::planes, std::numeric_limits<float>::quiet_NaN());
+        std::fill_n(m_layout.lines[line].node.offsets, WideNode::cells, std::numeric_limits<float>::quiet_NaN());
         for (std::size_t cell = 0; cell < WideNode::cells; ++cell) {
             const std::size_t begin = count * cell / WideNode::cells, end = count * (cell + 1) / WideNode::cells;
             if (begin == end)
@@ -126,19 +130,19 @@ std::vector<Plane> planes_of(const WideLayout &layout) {
     std::vector<Plane> planes;
     const auto visit = [&](const auto &self, WideChild node) -> void {
         const WideLine *const line = layout.lines.data() + node.index();
-        for (unsigned plane = 0; plane < WideNode::planes; ++plane) {
-            if (!std::isfinite(line->node.offsets[plane]))
+        for (const unsigned lane : WideNode::lane_of_plane) {
+            if (!std::isfinite(line->node.offsets[lane]))
                 continue;
-            Direction direction{std::uint8_t(line->node.axis(plane)), 0, 0};
+            Direction direction{std::uint8_t(line->node.axis(lane)), 0, 0};
             if (node.is_oblique()) {
-                direction.a = line[1].slopes.a[plane];
-                direction.b = line[1].slopes.b[plane];
+                direction.a = line[1].slopes.a[lane];
+                direction.b = line[1].slopes.b[lane];
             }
             const Vec3d n = direction.normal();
-            planes.push_back({{float(n.x), float(n.y), float(n.z)}, line->node.offsets[plane]});
+            planes.push_back({{float(n.x), float(n.y), float(n.z)}, line->node.offsets[lane]});
         }
         for (unsigned cell = 0; cell < WideNode::cells; ++cell)
-            if (const WideChild child = WideChild::in(line->node.children[cell]); !child.is_empty() && !child.is_leaf())
+            if (const WideChild child = WideChild(line->node.children[cell]); !child.is_empty() && !child.is_leaf())
                 self(self, child);
     };
     visit(visit, layout.root);

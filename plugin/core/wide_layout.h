@@ -15,51 +15,53 @@
 
 namespace bsp {
 
-/// What is in a cell of a wide node: nothing, another node, or the blocks of a leaf. Two spare bits belong to a plane.
+/// What is in a cell of a wide node: nothing, another node, or the blocks of a leaf. The two lowest bits are not its
+/// own: they belong to a plane.
 class WideChild {
 public:
     static constexpr std::uint32_t max_blocks = 7, max_index = (1u << 26) - 1;
-    static constexpr unsigned axis_shift = 30;
+    static constexpr std::uint32_t axis_bits = 3; ///< where the major axis of a plane is
 
     static WideChild node(std::uint32_t line, bool is_oblique) {
-        return WideChild(is_oblique ? line | oblique_bit : line);
+        return WideChild(line << index_shift | (is_oblique ? oblique_bit : 0));
     }
     static WideChild leaf(std::uint32_t block, std::uint32_t blocks) {
-        return WideChild(leaf_bit | blocks << 26 | block);
+        return WideChild(block << index_shift | leaf_bit | blocks << count_shift);
     }
-    /// The child in `word`, whatever its spare bits say.
-    static WideChild in(std::uint32_t word) { return WideChild(word & ((1u << axis_shift) - 1)); }
-    WideChild() = default;
+    explicit WideChild(std::uint32_t word = 0) : m_word(word) {}
 
-    bool is_empty() const { return m_word == 0; } ///< not for the root
+    bool is_empty() const { return (m_word & ~axis_bits) == 0; } ///< not for the root
     bool is_leaf() const { return (m_word & leaf_bit) != 0; }
     bool is_oblique() const { return (m_word & oblique_bit) != 0; } ///< of a node
-    std::uint32_t index() const { return m_word & max_index; }      ///< of the node's line, or of the first block
-    std::uint32_t block_count() const { return (m_word & ~leaf_bit) >> 26; }
-    std::uint32_t with_axis(unsigned axis) const { return m_word | axis << axis_shift; }
+    std::uint32_t index() const { return m_word >> index_shift; }   ///< of the node's line, or of the first block
+    std::uint32_t block_count() const { return m_word >> count_shift & max_blocks; }
+    std::uint32_t with_axis(std::uint32_t axis) const { return (m_word & ~axis_bits) | axis; }
 
 private:
-    static constexpr std::uint32_t leaf_bit = 1u << 29, oblique_bit = 1u << 26;
-    explicit WideChild(std::uint32_t word) : m_word(word) {}
+    static constexpr unsigned index_shift = 6, count_shift = 2;
+    static constexpr std::uint32_t leaf_bit = 1u << 5, oblique_bit = 1u << 2;
 
-    std::uint32_t m_word = 0; ///< nothing; line 0 is the root, nobody's child
+    std::uint32_t m_word; ///< 0: nothing, for line 0 is the root, nobody's child
 };
 
 /// Plane i parts the cells of a treelet whose root is plane 0; the planes below and above plane i are 2i + 1 and 2i
 /// + 2. Cell c is on the path that bit 2 of c takes at the first level, bit 1 at the second and bit 0 at the third.
-/// Lane 7 of what belongs to planes is not used.
+/// Cells are in lanes of their own; each half of the lanes holds the planes on the paths to its four cells, so plane 0
+/// is there twice.
 struct alignas(64) WideNode {
     static constexpr unsigned planes = 7, cells = 8;
+    static constexpr unsigned plane_of_lane[cells] = {0, 1, 3, 4, 0, 2, 5, 6},
+                              lane_of_plane[planes] = {0, 1, 5, 2, 3, 6, 7};
 
-    float offsets[8]; ///< infinite: no plane, everything is below. Not a number: no plane, everything is on both sides.
-    std::uint32_t children[8]; ///< `WideChild` of each cell; in its spare bits, the major axis of the plane
+    float offsets[cells]; ///< infinite: no plane, everything is below. Not a number: no plane, all is on both sides.
+    std::uint32_t children[cells]; ///< `WideChild` of each cell; in its lowest bits the major axis of the lane's plane
 
-    unsigned axis(unsigned plane) const { return children[plane] >> WideChild::axis_shift; }
+    std::uint32_t axis(unsigned lane) const { return children[lane] & WideChild::axis_bits; }
 };
 
 /// The line behind a node with oblique planes: their normals are 1 along the major axis, and these along the next two.
 struct alignas(64) WideSlopes {
-    float a[8], b[8];
+    float a[WideNode::cells], b[WideNode::cells];
 };
 
 /// A cache line with a node or its slopes.

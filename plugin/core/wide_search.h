@@ -6,62 +6,79 @@ namespace bsp {
 template <> struct WideSearch<BSP_SIMD> {
     using Lanes = WideLanes<BSP_SIMD>;
 
+    /// A node takes as long as its chain of dependent instructions, which leaves most of the processor idle. So the
+    /// node on top of the stack is passed at the same time, before its turn: its cells wait below those of the other
+    /// one.
     template <Mode mode, typename Test, typename Query, typename Counting>
-    BSP_TARGET static void run(const WideLayout &layout, const Ray &ray, Query &query, Counting counting) {
+    BSP_TARGET static Query run(const WideLayout &layout, const Ray &ray, Query query, Counting counting) {
         if constexpr (Counting::counts)
             ++counting.counters.rays;
         const WideRay<mode> wide(ray, layout.box, layout.plane_tolerance);
         if (!(wide.entry <= wide.exit))
-            return;
+            return query;
         const Test test(ray);
-
-        // At most seven wait at each of the levels, and large leaves add some.
-        WideStack<mode == Mode::short_stack ? 8 : 7 * (depth_limit / 3 + 16)> stack;
+        WideStack::Memory memory;
+        WideStack stack(memory);
         WideCell cell{layout.root, wide.entry, wide.exit};
         for (;;) {
             if (!cell.child.is_leaf()) {
-                const WideLine *const line = layout.lines.data() + cell.child.index();
-                const bool is_oblique = cell.child.is_oblique();
-                if constexpr (Counting::counts)
-                    ++(is_oblique ? counting.counters.oblique_steps : counting.counters.axis_steps);
-                const WideMeet meet =
-                    is_oblique ? WideMeet::any(line->node, line[1].slopes, wide) : WideMeet::axes(line->node, wide);
-                const WideCut cut = Lanes::cut(line->node, meet, cell.begin, cell.end);
+                const WideCell next = stack.top();
+                if (!next.child.is_leaf() && (Query::is_any || next.begin <= query.limit()) &&
+                    stack.has_room_for(WideStack::reserve)) {
+                    stack.drop();
+                    const WideCut cut = pass(layout, next, wide, counting);
+                    push<mode>(cut, cut.lanes, stack);
+                }
+                const WideCut cut = pass(layout, cell, wide, counting);
                 if (cut.lanes != 0) {
-                    cell = descend<Query::is_any>(cut, stack);
+                    cell = descend<mode, Query::is_any>(cut, stack);
                     continue;
                 }
             } else if (visit_blocks<mode>(layout.blocks.data() + cell.child.index(), cell.child.block_count(), test,
                                           query, counting)) {
-                return;
+                return query;
             }
             do {
                 if (stack.empty())
-                    return;
-                cell = stack.pop();
+                    return query;
+                cell = stack.top();
+                stack.drop();
             } while (!Query::is_any && cell.begin > query.limit());
-            if (!Query::is_any)
-                cell.end = std::min(cell.end, query.limit());
         }
     }
 
 private:
+    template <Mode mode, typename Counting>
+    [[gnu::always_inline]] BSP_TARGET static WideCut pass(const WideLayout &layout, const WideCell &cell,
+                                                          const WideRay<mode> &ray, Counting counting) {
+        const WideLine *const line = layout.lines.data() + cell.child.index();
+        const bool is_oblique = cell.child.is_oblique();
+        if constexpr (Counting::counts)
+            ++(is_oblique ? counting.counters.oblique_steps : counting.counters.axis_steps);
+        return Lanes::cut(line->node, WideMeet::planes(line, is_oblique, ray), cell.begin, cell.end);
+    }
+
+    /// Lets the cells in `lanes` wait.
+    template <Mode mode>
+    [[gnu::always_inline]] BSP_TARGET static void push(const WideCut &cut, unsigned lanes, WideStack &stack) {
+        if (mode == Mode::short_stack && !stack.has_room_for(WideStack::size - 8))
+            return;
+        stack.push(Lanes::together({_mm256_castsi256_ps(cut.children)}, lanes), Lanes::together(cut.begin, lanes),
+                   Lanes::together(cut.end, lanes), unsigned(__builtin_popcount(lanes)));
+    }
+
     /// The cell to go on with: the nearest, or for any hit the farthest. A shadow ray starts on a surface, among what
     /// it has just missed; where it ends it is more likely to be stopped early. The others wait; there must be one.
-    template <bool is_any, typename Stack>
-    [[gnu::always_inline]] BSP_TARGET static WideCell descend(const WideCut &cut, Stack &stack) {
+    template <Mode mode, bool is_any>
+    [[gnu::always_inline]] BSP_TARGET static WideCell descend(const WideCut &cut, WideStack &stack) {
         alignas(32) std::uint32_t children[8];
         alignas(32) float begins[8], ends[8];
         _mm256_store_si256(reinterpret_cast<__m256i *>(children), cut.children);
         _mm256_store_ps(begins, cut.begin.v);
         _mm256_store_ps(ends, cut.end.v);
         const unsigned chosen = is_any ? unsigned(__builtin_ctz(cut.lanes)) : 31 - unsigned(__builtin_clz(cut.lanes));
-        const unsigned others = cut.lanes ^ 1u << chosen;
-        if (stack.has_room())
-            stack.push(_mm256_castps_si256(Lanes::together({_mm256_castsi256_ps(cut.children)}, others).v),
-                       Lanes::together(cut.begin, others), Lanes::together(cut.end, others),
-                       __builtin_popcount(others));
-        return {WideChild::in(children[chosen]), begins[chosen], ends[chosen]};
+        push<mode>(cut, cut.lanes ^ 1u << chosen, stack);
+        return {WideChild(children[chosen]), begins[chosen], ends[chosen]};
     }
 };
 

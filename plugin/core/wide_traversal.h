@@ -1,7 +1,7 @@
-/// The traversal of wide nodes. One pass computes where the ray meets all seven planes of a node; then the eight lanes
-/// become its eight cells in the order in which the ray passes them, near to far, and each cuts the ray's interval by
-/// the three planes on its path. The search is in wide_search.h. Cells do not overlap, so the order is right and the
-/// first hit in it ends most searches.
+/// The traversal of wide nodes. One pass computes where the ray meets all seven planes of a node; then every cell cuts
+/// the ray's interval by the three planes on its path, and the eight lanes are put in the order in which the ray passes
+/// their cells. The search is in wide_search.h. Cells do not overlap, so the order is right and the first hit in it
+/// ends most searches.
 #pragma once
 
 #include "traversal.h"
@@ -9,30 +9,24 @@
 
 namespace bsp {
 
-/// Where things are in a node whose planes the ray passes downward or not: bit i of `signs` is set if it passes plane i
-/// from above to below, so that the child above is the near one. Lane 7 is the nearest cell, lane 0 the farthest.
+/// The cells of a node in the order in which a ray passes them: bit i of `signs` is set if it passes the plane of lane
+/// i from above to below, so that the child above is the near one. Entry 7 is the nearest cell, entry 0 the farthest.
 struct WideOrder {
-    static constexpr unsigned sign_count = 1u << WideNode::planes;
+    static constexpr unsigned sign_count = 1u << WideNode::cells;
 
-    /// The plane of the second and of the third level that the cell of each lane is parted by; for the signs of planes
-    /// 0, 1 and 2, which decide it.
-    alignas(32) std::int32_t second[8][8], third[8][8];
-    /// The cell of each lane, for the signs of all planes.
     std::uint8_t cells[sign_count][8];
 
-    constexpr WideOrder() : second{}, third{}, cells{} {
+    constexpr WideOrder() : cells{} {
         for (unsigned signs = 0; signs < sign_count; ++signs)
-            for (unsigned lane = 0; lane < 8; ++lane) {
-                unsigned plane = 0, cell = 0, path[3] = {};
+            for (unsigned entry = 0; entry < 8; ++entry) {
+                unsigned plane = 0, cell = 0;
                 for (unsigned level = 0; level < 3; ++level) {
-                    path[level] = plane;
-                    const unsigned near = lane >> (2 - level) & 1, above = near ^ 1 ^ (signs >> plane & 1);
+                    const unsigned near = entry >> (2 - level) & 1;
+                    const unsigned above = near ^ 1 ^ (signs >> WideNode::lane_of_plane[plane] & 1);
                     cell = 2 * cell + above;
                     plane = 2 * plane + 1 + above;
                 }
-                cells[signs][lane] = std::uint8_t(cell);
-                second[signs & 7][lane] = std::int32_t(path[1]);
-                third[signs & 7][lane] = std::int32_t(path[2]);
+                cells[signs][entry] = std::uint8_t(cell);
             }
     }
 };
@@ -55,11 +49,11 @@ inline __m256i load_lanes(const std::uint8_t *lanes) {
     return _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i *>(lanes)));
 }
 
-/// What the traversal of wide nodes needs to know of a ray. Lanes 0, 1 and 2 belong to the axes, or to planes whose
-/// major axis they are. The bounds are those derived in traversal.h, with these differences: an axis-aligned plane's
-/// offset is multiplied by 1/d_k before the origin is subtracted, which adds 3 u |o_k / d_k|; at oblique planes the
-/// bound is added to the distance, before the division, which adds u R; and sums over the axes are replaced by three
-/// times the largest term, which is no less.
+/// What the traversal of wide nodes needs to know of a ray. Lanes 0, 1 and 2 of each half belong to the axes, or to
+/// planes whose major axis they are. The bounds are those derived in traversal.h, with these differences: an
+/// axis-aligned plane's offset is multiplied by 1/d_k before the origin is subtracted, which adds 3 u |o_k / d_k|; at
+/// oblique planes the bound is added to the distance, before the division, which adds u R; and sums over the axes are
+/// replaced by three times the largest term, which is no less.
 template <Mode mode> struct WideRay {
     Float8 inverse, low, high; ///< an axis plane is met between offset * inverse + low and offset * inverse + high
     Float8 d[3], o[3];         ///< component 0 is that along the major axis, 1 and 2 those along the next two
@@ -100,20 +94,19 @@ template <Mode mode> struct WideRay {
         exit = std::min(ray.maxt, -_mm_cvtss_f32(largest_of(_mm_xor_ps(end, sign))));
 
         const __m128 start = _mm_xor_ps(_mm_mul_ps(origin, per_speed), sign), zero = _mm_setzero_ps();
-        inverse = lanes(per_speed);
-        low = lanes(widened_begin<mode>(
+        inverse = twice(per_speed);
+        low = twice(widened_begin<mode>(
             start, mode == Mode::far_child_dropped || mode == Mode::wrong_side ? zero : axis_slack));
-        high = lanes(widened_end<mode>(start, mode == Mode::wrong_side ? zero : axis_slack));
-        d[0] = lanes(direction);
-        d[1] = lanes(_mm_permute_ps(direction, 0b11001001));
-        d[2] = lanes(_mm_permute_ps(direction, 0b11010010));
-        o[0] = lanes(origin);
-        o[1] = lanes(_mm_permute_ps(origin, 0b11001001));
-        o[2] = lanes(_mm_permute_ps(origin, 0b11010010));
+        high = twice(widened_end<mode>(start, mode == Mode::wrong_side ? zero : axis_slack));
+        d[0] = twice(direction);
+        d[1] = twice(_mm_permute_ps(direction, 0b11001001));
+        d[2] = twice(_mm_permute_ps(direction, 0b11010010));
+        o[0] = twice(origin);
+        o[1] = twice(_mm_permute_ps(origin, 0b11001001));
+        o[2] = twice(_mm_permute_ps(origin, 0b11010010));
     }
 
 private:
-    static Float8 lanes(__m128 x) { return {_mm256_castps128_ps256(x)}; }
     static Float8 twice(__m128 x) { return {_mm256_set_m128(x, x)}; }
     /// Of the first three lanes, in all four.
     static __m128 largest_of(__m128 x) {
@@ -122,123 +115,127 @@ private:
     }
 };
 
-/// Where a ray meets the seven planes of a node, widened, and which planes it passes downward.
-struct WideMeet {
-    Float8 low, high;
-    unsigned downward;
+inline __m256i load_children(const WideNode &node) {
+    return _mm256_load_si256(reinterpret_cast<const __m256i *>(node.children));
+}
 
+/// Of three numbers in each half, that of the major axis of the lane's plane.
+inline Float8 of_axis(Float8 x, __m256i children) { return {_mm256_permutevar_ps(x.v, children)}; }
+
+/// Where a ray meets the planes of a node, a lane each, widened; it passes those downward whose `signs` is negative.
+struct WideMeet {
+    Float8 low, high, signs;
+
+    template <Mode mode>
+    [[gnu::always_inline]] static WideMeet planes(const WideLine *line, bool is_oblique, const WideRay<mode> &ray) {
+        return is_oblique ? any(line->node, line[1].slopes, ray) : axes(line->node, ray);
+    }
+
+private:
     /// All planes lie along the axes.
     template <Mode mode> [[gnu::always_inline]] static WideMeet axes(const WideNode &node, const WideRay<mode> &ray) {
-        const __m256i axis = major_axes(node);
-        const Float8 inverse = ray.inverse[axis], offsets = Float8::load(node.offsets);
-        const unsigned downward = (mode == Mode::signed_zero ? ray.d[0][axis] : inverse).bits();
-        const Float8 low = fmadd(offsets, inverse, ray.low[axis]);
-        return {low, mode == Mode::fast ? low : fmadd(offsets, inverse, ray.high[axis]), downward};
+        const __m256i axis = load_children(node);
+        const Float8 inverse = of_axis(ray.inverse, axis), offsets = Float8::load(node.offsets);
+        const Float8 low = fmadd(offsets, inverse, of_axis(ray.low, axis));
+        return {low, mode == Mode::fast ? low : fmadd(offsets, inverse, of_axis(ray.high, axis)),
+                mode == Mode::signed_zero ? of_axis(ray.d[0], axis) : inverse};
     }
 
     template <Mode mode>
     [[gnu::always_inline]] static WideMeet any(const WideNode &node, const WideSlopes &slopes,
                                                const WideRay<mode> &ray) {
-        const __m256i axis = major_axes(node);
+        const __m256i axis = load_children(node);
         const Float8 a = Float8::load(slopes.a), b = Float8::load(slopes.b);
-        const Float8 speed = fmadd(b, ray.d[2][axis], fmadd(a, ray.d[1][axis], ray.d[0][axis]));
-        const Float8 inverse = Float8::all(1) / speed;
-        const Float8 distance =
-            Float8::load(node.offsets) - fmadd(b, ray.o[2][axis], fmadd(a, ray.o[1][axis], ray.o[0][axis]));
+        const auto along = [&](const Float8(&x)[3]) {
+            return fmadd(b, of_axis(x[2], axis), fmadd(a, of_axis(x[1], axis), of_axis(x[0], axis)));
+        };
+        const Float8 speed = along(ray.d), inverse = Float8::all(1) / speed;
+        const Float8 distance = Float8::load(node.offsets) - along(ray.o);
         // Where the ray runs along a plane the inverse is infinite, and so are these, or not a number.
         if constexpr (mode == Mode::fast || mode == Mode::epsilon) {
             const Float8 t = distance * inverse;
-            return {widened_begin<mode>(t, ray.slack), widened_end<mode>(t, ray.slack), speed.bits()};
+            return {widened_begin<mode>(t, ray.slack), widened_end<mode>(t, ray.slack), speed};
         }
         const Float8 slack{_mm256_xor_ps(ray.slack.v, _mm256_and_ps(speed.v, _mm256_set1_ps(-0.0f)))};
         const bool no_low = mode == Mode::far_child_dropped || mode == Mode::wrong_side;
         return {(no_low ? distance : distance - slack) * inverse,
-                (mode == Mode::wrong_side ? distance : distance + slack) * inverse, speed.bits()};
-    }
-
-private:
-    static __m256i major_axes(const WideNode &node) {
-        return _mm256_srli_epi32(_mm256_load_si256(reinterpret_cast<const __m256i *>(node.children)),
-                                 WideChild::axis_shift);
+                (mode == Mode::wrong_side ? distance : distance + slack) * inverse, speed};
     }
 };
 
-/// The cells of a node that a ray passes, a lane each, near to far from lane 7 on, and its interval in each.
+/// The ray's interval in each of the eight cells, a lane each. On the near side of a plane it ends where the ray meets
+/// the plane, on the far side it begins there: what holds below and above each plane goes to the cells on either side.
+/// What is not a number is dropped by max and min, being their first operand.
+struct WideIntervals {
+    Float8 begin, end;
+
+    [[gnu::always_inline]] WideIntervals(Float8 begin_below, Float8 begin_above, Float8 end_below, Float8 end_above,
+                                         float from, float to)
+        : begin(max(max(second(begin_below, begin_above), third(begin_below, begin_above)),
+                    max(first(begin_below, begin_above), Float8::all(from)))),
+          end(min(min(second(end_below, end_above), third(end_below, end_above)),
+                  min(first(end_below, end_above), Float8::all(to)))) {}
+
+private:
+    // Of each level, from the lanes of `WideNode::plane_of_lane`.
+    static Float8 first(Float8 below, Float8 above) {
+        return {_mm256_permute_ps(_mm256_blend_ps(below.v, above.v, 0xf0), 0)};
+    }
+    static Float8 second(Float8 below, Float8 above) { return {_mm256_shuffle_ps(below.v, above.v, 0b01010101)}; }
+    static Float8 third(Float8 below, Float8 above) { return {_mm256_unpackhi_ps(below.v, above.v)}; }
+};
+
+/// The cells of a node that a ray passes, near to far from lane 7 on, and its interval in each.
 struct WideCut {
     Float8 begin, end;
     __m256i children;
     unsigned lanes;
 };
 
-/// What instruction sets do in their own way: cutting the interval, and moving lanes together. The bits are the same.
+/// What instruction sets do in their own way: choosing by sign, and moving lanes together. The bits are the same.
 template <Simd simd> struct WideLanes;
 
 /// The traversal with one instruction set.
 template <Simd simd> struct WideSearch;
 
-/// The planes of the second and of the third level in each lane, and the child that is there.
-struct WidePaths {
-    __m256i second, third, children;
-
-    [[gnu::always_inline]] WidePaths(const WideNode &node, unsigned downward) {
-        downward &= WideOrder::sign_count - 1;
-        children = _mm256_permutevar8x32_epi32(load(node.children), load_lanes(wide_order.cells[downward]));
-        second = load(wide_order.second[downward & 7]);
-        third = load(wide_order.third[downward & 7]);
-    }
-
-private:
-    template <typename T> static __m256i load(const T *lanes) {
-        return _mm256_load_si256(reinterpret_cast<const __m256i *>(lanes));
-    }
-};
-
 template <> struct WideLanes<Simd::avx2> {
     [[gnu::always_inline]] static WideCut cut(const WideNode &node, const WideMeet &meet, float from, float to) {
-        const WidePaths paths(node, meet.downward);
-        const __m256i first = _mm256_setzero_si256();
-        Float8 begin = max(begins<0x0f>(first, meet.low), Float8::all(from));
-        Float8 end = min(ends<0x0f>(first, meet.high), Float8::all(to));
-        begin = max(begins<0x55>(paths.third, meet.low), max(begins<0x33>(paths.second, meet.low), begin));
-        end = min(ends<0x55>(paths.third, meet.high), min(ends<0x33>(paths.second, meet.high), end));
-        const __m256i empty = _mm256_cmpeq_epi32(_mm256_slli_epi32(paths.children, 32 - WideChild::axis_shift), first);
+        const Float8 always = Float8::all(HUGE_VALF), never = Float8::all(-HUGE_VALF);
+        const auto choose = [&](Float8 upward, Float8 downward) {
+            return Float8{_mm256_blendv_ps(upward.v, downward.v, meet.signs.v)};
+        };
+        const WideIntervals cells(choose(never, meet.low), choose(meet.low, never), choose(meet.high, always),
+                                  choose(always, meet.high), from, to);
+        const __m256i order = load_lanes(wide_order.cells[meet.signs.bits()]);
+        const Float8 begin = cells.begin[order], end = cells.end[order];
+        const __m256i children = _mm256_permutevar8x32_epi32(load_children(node), order);
+        const __m256i own = _mm256_andnot_si256(_mm256_set1_epi32(WideChild::axis_bits), children);
+        const __m256i empty = _mm256_cmpeq_epi32(own, _mm256_setzero_si256());
         const unsigned lanes =
             unsigned(_mm256_movemask_ps(_mm256_andnot_ps(_mm256_castsi256_ps(empty), (begin <= end).v)));
-        return {begin, end, paths.children, lanes};
+        return {begin, end, children, lanes};
     }
 
     /// The lanes of `set` moved together, in their order; anything behind them.
     [[gnu::always_inline]] static Float8 together(Float8 x, unsigned set) {
         return x[load_lanes(lane_compaction.sources[set])];
     }
-
-private:
-    /// One level: lanes in `far` begin where the ray meets their plane, the others end there. What is not a number is
-    /// dropped by max and min, being their first operand.
-    template <int far> [[gnu::always_inline]] static Float8 begins(__m256i planes, Float8 low) {
-        return {_mm256_blend_ps(_mm256_set1_ps(-HUGE_VALF), low[planes].v, far)};
-    }
-    template <int far> [[gnu::always_inline]] static Float8 ends(__m256i planes, Float8 high) {
-        return {_mm256_blend_ps(high[planes].v, _mm256_set1_ps(HUGE_VALF), far)};
-    }
 };
 
-/// With masks instead of blended infinities, and the instruction that moves lanes together.
 template <> struct WideLanes<Simd::avx512> {
     [[gnu::always_inline]] BSP_AVX512 static WideCut cut(const WideNode &node, const WideMeet &meet, float from,
                                                          float to) {
-        const WidePaths paths(node, meet.downward);
+        const __m256 always = _mm256_set1_ps(HUGE_VALF), never = _mm256_set1_ps(-HUGE_VALF);
         const __m256 low = meet.low.v, high = meet.high.v;
-        __m256 begin = _mm256_set1_ps(from), end = _mm256_set1_ps(to);
-        begin = _mm256_mask_max_ps(begin, 0x0f, _mm256_broadcastss_ps(_mm256_castps256_ps128(low)), begin);
-        end = _mm256_mask_min_ps(end, 0xf0, _mm256_broadcastss_ps(_mm256_castps256_ps128(high)), end);
-        begin = _mm256_mask_max_ps(begin, 0x33, _mm256_permutexvar_ps(paths.second, low), begin);
-        end = _mm256_mask_min_ps(end, 0xcc, _mm256_permutexvar_ps(paths.second, high), end);
-        begin = _mm256_mask_max_ps(begin, 0x55, _mm256_permutexvar_ps(paths.third, low), begin);
-        end = _mm256_mask_min_ps(end, 0xaa, _mm256_permutexvar_ps(paths.third, high), end);
-        const __mmask8 full =
-            _mm256_test_epi32_mask(paths.children, _mm256_set1_epi32((1 << WideChild::axis_shift) - 1));
-        return {{begin}, {end}, paths.children, _mm256_mask_cmp_ps_mask(full, begin, end, _CMP_LE_OQ)};
+        const __mmask8 down = _mm256_movepi32_mask(_mm256_castps_si256(meet.signs.v));
+        const WideIntervals cells({_mm256_mask_mov_ps(never, down, low)}, {_mm256_mask_mov_ps(low, down, never)},
+                                  {_mm256_mask_mov_ps(high, down, always)}, {_mm256_mask_mov_ps(always, down, high)},
+                                  from, to);
+        const __m256i order = load_lanes(wide_order.cells[down]);
+        const Float8 begin = cells.begin[order], end = cells.end[order];
+        const __m256i children = _mm256_permutevar8x32_epi32(load_children(node), order);
+        const __mmask8 full = _mm256_test_epi32_mask(children, _mm256_set1_epi32(~int(WideChild::axis_bits)));
+        return {begin, end, children, _mm256_mask_cmp_ps_mask(full, begin.v, end.v, _CMP_LE_OQ)};
     }
 
     [[gnu::always_inline]] BSP_AVX512 static Float8 together(Float8 x, unsigned set) {
@@ -252,29 +249,44 @@ struct WideCell {
     float begin, end;
 };
 
-/// Cells that wait; of one node, the nearest on top.
-template <int size> class WideStack {
+/// Cells that wait; of one node, the nearest on top. Its height is apart from its memory, to stay in a register.
+class WideStack {
 public:
-    bool empty() const { return m_count == 0; }
-    bool has_room() const { return m_count + 7 <= size; }
+    /// A ray that goes on with one cell at a time leaves at most seven at each level; large leaves add some levels.
+    /// The rest of the memory is for passing two nodes at a time.
+    static constexpr unsigned reserve = 7 * (depth_limit / 3 + 16), size = reserve + 64;
 
-    /// Takes the first `count` lanes.
-    [[gnu::always_inline]] void push(__m256i children, Float8 begins, Float8 ends, int count) {
-        _mm256_storeu_si256(reinterpret_cast<__m256i *>(m_children + m_count), children);
-        _mm256_storeu_ps(m_begins + m_count, begins.v);
-        _mm256_storeu_ps(m_ends + m_count, ends.v);
-        m_count += count;
+    struct Memory {
+        std::uint32_t children[size + WideNode::cells]; ///< eight are written at a time
+        float begins[size + WideNode::cells], ends[size + WideNode::cells];
+    };
+
+    /// Below all cells is a leaf that is none.
+    explicit WideStack(Memory &memory) : m(memory) {
+        m.children[0] = WideChild::leaf(0, 0).with_axis(0);
+        m.begins[0] = m.ends[0] = 0;
     }
 
-    [[gnu::always_inline]] WideCell pop() {
-        --m_count;
-        return {WideChild::in(m_children[m_count]), m_begins[m_count], m_ends[m_count]};
+    bool empty() const { return m_height == 1; }
+    bool has_room_for(unsigned more) const { return m_height + more <= size; }
+
+    [[gnu::always_inline]] WideCell top() const {
+        const unsigned at = m_height - 1;
+        return {WideChild(m.children[at]), m.begins[at], m.ends[at]};
+    }
+    void drop() { --m_height; }
+
+    /// Takes the first `count` lanes.
+    [[gnu::always_inline]] void push(Float8 children, Float8 begins, Float8 ends, unsigned count) {
+        _mm256_storeu_ps(reinterpret_cast<float *>(m.children + m_height), children.v);
+        _mm256_storeu_ps(m.begins + m_height, begins.v);
+        _mm256_storeu_ps(m.ends + m_height, ends.v);
+        m_height += count;
     }
 
 private:
-    std::uint32_t m_children[size + 1]; ///< eight are written at a time
-    float m_begins[size + 1], m_ends[size + 1];
-    int m_count = 0;
+    Memory &m;
+    unsigned m_height = 1;
 };
 
 } // namespace bsp

@@ -61,7 +61,7 @@ public:
         const bsp::Triangle t{corners[0], corners[1], corners[2]};
         const auto hit = m_settings.triangle_test == bsp::TriangleTest::woop ? bsp::WoopTest(to_ray(ray)).intersect(t)
                                                                              : bsp::MtTest(to_ray(ray)).intersect(t);
-        return hit ? Hit{hit->t, child, triangle, true, {hit->u, hit->v}} : Hit{};
+        return hit.found() ? Hit{hit.t(), child, triangle, true, {hit.u(), hit.v()}} : Hit{};
     }
 
     /// Whoever asks may then read the recorded rays, too.

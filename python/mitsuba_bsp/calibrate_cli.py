@@ -6,7 +6,7 @@ import argparse
 
 from .bench_cli import run_with_bar, show
 from .bench_rays_cli import add_ray_options, ray_options
-from .calibration import LEGEND, PLANES_PER_STEP, SPECS, calibration_tables, fit, in_layout, measurements
+from .calibration import LEGEND, SETTINGS, SPECS, calibration_tables, fit, in_layout, measurements
 from .records import ResultsFolder
 from .replays import newest_replay, replay_scenes
 from .terminal import INTERRUPTED, chosen_scenes
@@ -23,8 +23,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     add_ray_options(sub, repeats=MIN_REPEATS, max_rays=MAX_RAYS)
     sub.add_argument(
         "--layout",
-        choices=list(PLANES_PER_STEP),
-        default=next(iter(PLANES_PER_STEP)),
+        choices=list(SETTINGS),
+        default=next(iter(SETTINGS)),
         help="of the nodes, default: %(default)s",
     )
     sub.set_defaults(run=_calibrate)
@@ -38,5 +38,5 @@ def _calibrate(args: argparse.Namespace) -> int:
     folder = ResultsFolder(options.out)
     rows = [row for scene in bar.scenes for row in newest_replay(folder, options, scene)]
     if rows and status != INTERRUPTED:
-        show(options, "Prices", LEGEND, calibration_tables(fit(measurements(rows), PLANES_PER_STEP[args.layout])), bar)
+        show(options, "Prices", LEGEND, calibration_tables(fit(measurements(rows), args.layout)), bar)
     return status

@@ -16,11 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .intervals import CONFIDENCE, Interval
+from .prices import PLANES_PER_STEP
 from .records import Record
 from .text_table import TextTable
-
-#: Planes on a ray's way through a node of each layout, the unit of prices: a wide node has three levels.
-PLANES_PER_STEP = {"wide": 3, "binary": 1}
 
 #: Trees that trade the three kinds of work for one another.
 SPECS = (
@@ -41,13 +39,26 @@ SPECS = (
     "random:axes=none,alpha=0,intersection_cost=1",
 )
 
-#: What is priced: the counters, and the settings that take the prices.
-PRICES = {"axis_steps": "axis_cost", "oblique_steps": "oblique_cost", "triangle_tests": "intersection_cost"}
+#: What is priced: the counters, and for each layout the settings that make up the prices.
+SETTINGS = {
+    "wide": {
+        "axis_steps": "node_cost + 3 axis_cost",
+        "oblique_steps": "node_cost + 3 oblique_cost",
+        "triangle_tests": "intersection_cost",
+    },
+    "binary": {
+        "axis_steps": "axis_cost",
+        "oblique_steps": "oblique_cost",
+        "triangle_tests": "intersection_cost",
+    },
+}
+PRICES = tuple(SETTINGS["wide"])
 
 LEGEND = (
     "Nanoseconds of processor time, fitted by non-negative least squares to the relative errors of every tree and "
-    "stream of rays, with 95 % intervals from resampling the trees. The settings are the same prices, an axis-aligned "
-    "plane being 1; a step through a wide node passes three. c0 is what a ray of a stream takes besides."
+    "stream of rays, with 95 % intervals from resampling the trees. The settings are the same prices, a plane of a "
+    "node of axis-aligned planes being 1; a ray's way through a wide node passes three. c0 is what a ray of a stream "
+    "takes besides."
 )
 
 _RESAMPLES, _SEED = 500, 0
@@ -69,8 +80,9 @@ class Measurements:
 
 @dataclass(frozen=True)
 class Fit:
-    """Prices in ns and, relative to an axis step, as settings; c0 of every stream; the share of variance explained."""
+    """Prices in ns and as sums of settings, by counter; c0 of every stream; the share of variance explained."""
 
+    layout: str
     prices: Mapping[str, Interval]
     settings: Mapping[str, Interval]
     constants: Mapping[str, float]
@@ -99,7 +111,7 @@ def in_layout(specs: Sequence[str], layout: str) -> tuple[str, ...]:
     return tuple(f"{spec}{',' if ':' in spec else ':'}layout={layout}" for spec in specs)
 
 
-def fit(data: Measurements, planes_per_step: int) -> Fit:
+def fit(data: Measurements, layout: str) -> Fit:
     """The prices, with intervals from resampling the trees (each with all its streams).
 
     ValueError if the trees leave one of the prices open.
@@ -118,12 +130,13 @@ def fit(data: Measurements, planes_per_step: int) -> Fit:
     )[:, : len(PRICES)]
     residuals = data.ns - _design(data) @ best
     with np.errstate(divide="ignore", invalid="ignore"):
-        per_plane = np.array([1, 1, planes_per_step])
-        relative = per_plane * best[: len(PRICES)] / best[0]
-        relative_resampled = per_plane * resampled / resampled[:, :1]
+        unit = PLANES_PER_STEP[layout]
+        relative = unit * best[: len(PRICES)] / best[0]
+        relative_resampled = unit * resampled / resampled[:, :1]
     return Fit(
+        layout,
         dict(zip(PRICES, map(_interval, best, resampled.T), strict=False)),
-        dict(zip(PRICES.values(), map(_interval, relative, relative_resampled.T), strict=True)),
+        dict(zip(PRICES, map(_interval, relative, relative_resampled.T), strict=True)),
         dict(zip(data.streams, best[len(PRICES) :], strict=True)),
         1 - residuals @ residuals / ((data.ns - data.ns.mean()) ** 2).sum(),
         len(data.ns),
@@ -133,8 +146,8 @@ def fit(data: Measurements, planes_per_step: int) -> Fit:
 def calibration_tables(found: Fit) -> list[TextTable]:
     """The prices, and the constants of the streams."""
     prices = [
-        (key.replace("_", " ").removesuffix("s"), str(found.prices[key]), setting, str(found.settings[setting]))
-        for key, setting in PRICES.items()
+        (key.replace("_", " ").removesuffix("s"), str(found.prices[key]), setting, str(found.settings[key]))
+        for key, setting in SETTINGS[found.layout].items()
     ]
     return [
         TextTable(

@@ -209,7 +209,7 @@ TEST(Tree, IntervalEndsAreInclusive) {
 }
 
 TEST(Validate, NamesTheLawThatIsBroken) {
-    const TriangleSet set = random_soup(50, 17);
+    const TriangleSet set = random_soup(500, 17);
     const Tree good = build_tree(set, make_settings("kd", {}));
     ASSERT_EQ(validate(good, set), "");
     Tree tree = good;

@@ -24,7 +24,7 @@ def synthetic(noise: float = 0.0, prices: np.ndarray = PRICES) -> Measurements:
 
 
 def test_clean_times_give_the_constants_back() -> None:
-    found = fit(synthetic(), 1)
+    found = fit(synthetic(), "binary")
     assert [price.value for price in found.prices.values()] == pytest.approx(PRICES)
     assert [s.value for s in found.settings.values()] == pytest.approx(PRICES / PRICES[0])
     assert list(found.constants.values()) == pytest.approx(CONSTANTS)
@@ -32,9 +32,9 @@ def test_clean_times_give_the_constants_back() -> None:
     assert all(price.high - price.low < 1e-6 for price in found.prices.values())
 
 
-def test_prices_are_those_of_a_plane() -> None:
-    found = fit(synthetic(), 3)
-    assert [s.value for s in found.settings.values()] == pytest.approx(PRICES / PRICES[0] * [1, 1, 3])
+def test_a_wide_node_has_three_planes() -> None:
+    found = fit(synthetic(), "wide")
+    assert [s.value for s in found.settings.values()] == pytest.approx(3 * PRICES / PRICES[0])
 
 
 def test_specs_name_their_layout() -> None:
@@ -42,7 +42,7 @@ def test_specs_name_their_layout() -> None:
 
 
 def test_noisy_times_give_intervals_that_hold_them() -> None:
-    found = fit(synthetic(noise=0.05), 1)
+    found = fit(synthetic(noise=0.05), "binary")
     for price, true in zip(found.prices.values(), PRICES, strict=True):
         assert price.low < true < price.high
         assert price.high - price.low < 2
@@ -50,7 +50,7 @@ def test_noisy_times_give_intervals_that_hold_them() -> None:
 
 
 def test_no_price_is_negative() -> None:
-    found = fit(synthetic(prices=np.array([5.0, 7.0, -0.2])), 1)
+    found = fit(synthetic(prices=np.array([5.0, 7.0, -0.2])), "binary")
     assert found.prices["triangle_tests"].value == 0
 
 
@@ -58,7 +58,7 @@ def test_a_counter_that_never_changes_has_no_price() -> None:
     data = synthetic()
     data.counters[:, 1] = 0
     with pytest.raises(ValueError, match="no price can be fitted to oblique_steps"):
-        fit(data, 1)
+        fit(data, "binary")
 
 
 def test_measurements_are_medians_of_each_tree_and_stream() -> None:
@@ -74,8 +74,9 @@ def test_measurements_are_medians_of_each_tree_and_stream() -> None:
 
 
 def test_the_table_names_the_settings() -> None:
-    prices, constants = calibration_tables(fit(synthetic(), 1))
+    prices, constants = calibration_tables(fit(synthetic(), "binary"))
     assert [row[2] for row in prices.rows] == ["axis_cost", "oblique_cost", "intersection_cost"]
+    assert calibration_tables(fit(synthetic(), "wide"))[0].rows[0][2] == "node_cost + 3 axis_cost"
     assert prices.rows[1][3].startswith("1.40 ") and "1.000" in prices.title
     assert constants.rows == (("one", "30.0"), ("two", "80.0"))
 

@@ -228,7 +228,7 @@ class TestSlice:
         assert np.linalg.norm(segments, axis=2) == pytest.approx(2, rel=0.01)
 
     def test_two_steps_and_a_leaf_have_a_cost(self) -> None:
-        spec = parse_spec("normals:axis_cost=1,oblique_cost=2,leaf_cost=3,intersection_cost=5")
+        spec = parse_spec("normals:node_cost=0,axis_cost=1,oblique_cost=2,leaf_cost=3,intersection_cost=5")
         tree = neutral_tree(soup("soup", 40), spec)
         costs = cross_section.leaf_costs(tree, spec)
         leaf = int(np.flatnonzero(tree.is_leaf & (tree.count > 0))[3])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..contenders import triangles_of
 from ..jobs import Job
 from ..loading import open_file
+from ..prices import plane_prices
 from ..records import Record, ResultsFolder
 from ..spec import Spec, parse_spec
 from ..speeds import NONE
@@ -196,14 +197,15 @@ def outline(corners: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray
 
 def leaf_costs(tree: NeutralTree, spec: Spec) -> NDArray[np.float64]:
     """Of every node: the price of the steps down to it, and of a leaf's triangles."""
-    prices = {key: float(spec.settings.get(key, 0)) for key in ("axis_cost", "oblique_cost", "leaf_cost")}
+    axis_plane, oblique_plane = plane_prices(spec.settings)
     oblique = (tree.normals != 0).sum(axis=1) > 1
-    step = np.where(oblique, prices["oblique_cost"], prices["axis_cost"])
+    step = np.where(oblique, oblique_plane, axis_plane)
     cost = np.zeros(len(tree.is_leaf))
     for node in np.flatnonzero(~tree.is_leaf):
         cost[node + 1] = cost[tree.above[node]] = cost[node] + step[node]
     filled = tree.is_leaf & (tree.count > 0)
-    cost[filled] += prices["leaf_cost"] + float(spec.settings["intersection_cost"]) * tree.count[filled]
+    test, visit = float(spec.settings["intersection_cost"]), float(spec.settings["leaf_cost"])
+    cost[filled] += visit + test * tree.count[filled]
     return cost
 
 

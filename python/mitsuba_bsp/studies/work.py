@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration import PLANES_PER_STEP
 from ..contenders import COUNTERS, build, triangles_of
 from ..jobs import Job
 from ..loading import open_file
+from ..prices import PLANES_PER_STEP, plane_prices
 from ..spec import Spec, parse_spec
 from ..streams import Stream, in_use, load, recorded_resolution
 
@@ -100,13 +100,14 @@ def _cost(spec: Spec, counted: Mapping[str, NDArray[np.uint64]]) -> NDArray[np.f
     """Of every ray, in axis-aligned planes."""
     layout = str(spec.settings.get("layout", "binary"))
     prices = parse_spec(f"random:layout={layout}").settings  # any tree with oblique planes
+    axis_plane, oblique_plane = plane_prices(prices)
     weights = {
-        "axis_steps": PLANES_PER_STEP[layout] * float(prices["axis_cost"]),
-        "oblique_steps": PLANES_PER_STEP[layout] * float(prices["oblique_cost"]),
+        "axis_steps": PLANES_PER_STEP[layout] * axis_plane,
+        "oblique_steps": PLANES_PER_STEP[layout] * oblique_plane,
         "leaves_visited": float(prices["leaf_cost"]),
         "triangle_tests": float(prices["intersection_cost"]),
     }
-    return sum(weight * counted[name] for name, weight in weights.items()) / float(prices["axis_cost"])
+    return sum(weight * counted[name] for name, weight in weights.items()) / axis_plane
 
 
 def _spread(costs: NDArray[np.float32]) -> dict[str, Any]:
