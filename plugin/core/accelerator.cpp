@@ -32,14 +32,15 @@ public:
     }
 
     Hit closest(const Ray &ray) const noexcept override {
-        const auto [own, per_t] = m_scale.apply(ray);
+        const ScaledRay scaled = m_scale.apply(ray);
+        const Ray own = scaled.ray();
         Hit best;
         const Test test(own);
         for (const auto &[triangle, id] : m_triangles)
             if (const TriangleHit hit = test.intersect(triangle);
                 hit.t() >= 0 && hit.t() <= own.maxt && (hit.t() < best.t || !best.found()))
                 best = {hit.t(), hit.u(), hit.v(), id};
-        return in_users_units(best, per_t);
+        return in_users_units(best, scaled.per_t);
     }
 
     bool any(const Ray &ray) const noexcept override { return closest(ray).found(); }

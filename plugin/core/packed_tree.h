@@ -13,15 +13,15 @@ namespace bsp {
 template <typename Test, Splits splits, Mode mode> struct BinaryWalk {
     using Layout = BinaryLayout;
     template <typename Query, typename Counting>
-    static Query run(const Layout &layout, const Ray &ray, Query query, Counting counting) {
-        return traverse<splits, mode, Test>(layout, ray, query, counting);
+    static Query run(const Layout &layout, const ScaledRay &ray, Query query, Counting counting) {
+        return traverse<splits, mode, Test>(layout, ray.ray(), query, counting);
     }
 };
 template <typename Test, Simd simd, Mode mode> struct WideWalk {
     using Layout = WideLayout;
     template <typename Query, typename Counting>
-    static Query run(const Layout &layout, const Ray &ray, Query query, Counting counting) {
-        return WideSearch<simd>::template run<mode, Test>(layout, ray, query, counting);
+    static Query run(const Layout &layout, const ScaledRay &ray, Query query, Counting counting) {
+        return WideSearch<simd>::template run<mode, Test>(layout, ray.o, ray.d, query, counting);
     }
 };
 
@@ -54,8 +54,8 @@ public:
 
 private:
     template <typename Query, typename Counting> auto run(const Ray &ray, Counting counting) const noexcept {
-        const auto [own, per_t] = m_scale.apply(ray);
-        return in_users_units(Walk::run(m_layout, own, Query(own.maxt), counting).result(), per_t);
+        const ScaledRay own = m_scale.apply(ray);
+        return in_users_units(Walk::run(m_layout, own, Query(own.d[3]), counting).result(), own.per_t);
     }
 
     typename Walk::Layout m_layout;

@@ -31,12 +31,12 @@ Scale Scale::for_largest(double size) {
 
 ScaledRay Scale::apply_with_care(const Ray &ray) const noexcept {
     const StandardFloats floats;
-    const ScaledRay miss{{{}, {1, 0, 0}, -1}, 1};
-    ScaledRay scaled;
+    const ScaledRay miss{_mm_setzero_ps(), _mm_setr_ps(1, 0, 0, -1), 1};
+    ScaledRay scaled{};
     float speed = 0;
     for (unsigned k = 0; k < 3; ++k) {
-        scaled.ray.o[k] = apply(ray.o[k]);
-        if (!(std::abs(scaled.ray.o[k]) <= farthest) || !std::isfinite(ray.d[k]))
+        scaled.o[k] = apply(ray.o[k]);
+        if (!(std::abs(scaled.o[k]) <= farthest) || !std::isfinite(ray.d[k]))
             return miss;
         speed = std::max(speed, std::abs(ray.d[k]));
     }
@@ -44,10 +44,10 @@ ScaledRay Scale::apply_with_care(const Ray &ray) const noexcept {
         return miss;
     const double per_speed = speed >= slowest && speed <= fastest ? 1 : std::ldexp(1.0, -exponent_of(speed));
     for (unsigned k = 0; k < 3; ++k)
-        scaled.ray.d[k] = float(double(ray.d[k]) * per_speed);
+        scaled.d[k] = float(double(ray.d[k]) * per_speed);
     scaled.per_t = m_inverse * per_speed;
     const double end = std::min(double(ray.maxt), double(largest_float)) / scaled.per_t;
-    scaled.ray.maxt = round_down(std::min(end, double(largest_float)));
+    scaled.d[3] = round_down(std::min(end, double(largest_float)));
     return scaled;
 }
 

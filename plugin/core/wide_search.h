@@ -10,13 +10,13 @@ template <> struct WideSearch<BSP_SIMD> {
     /// node on top of the stack is passed at the same time, before its turn: its cells wait below those of the other
     /// one.
     template <Mode mode, typename Test, typename Query, typename Counting>
-    BSP_TARGET static Query run(const WideLayout &layout, const Ray &ray, Query query, Counting counting) {
+    BSP_TARGET static Query run(const WideLayout &layout, __m128 o, __m128 d, Query query, Counting counting) {
         if constexpr (Counting::counts)
             ++counting.counters.rays;
-        const WideRay<mode> wide(ray, layout.box, layout.plane_tolerance);
+        const WideRay<mode> wide(o, d, layout.box, layout.plane_tolerance);
         if (!(wide.entry <= wide.exit))
             return query;
-        const Test test(ray);
+        const Test test(Ray{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}});
         WideStack::Memory memory;
         WideStack stack(memory);
         WideCell cell{layout.root, wide.entry, wide.exit};

@@ -60,10 +60,8 @@ template <Mode mode> struct WideRay {
     Float8 slack;              ///< at oblique planes; of t for `Mode::epsilon`
     float entry, exit;         ///< where the ray is inside the scene's box, widened
 
-    [[gnu::always_inline]] WideRay(const Ray &ray, const WideBox &box, float plane_tolerance) {
+    [[gnu::always_inline]] WideRay(__m128 origin, __m128 direction, const WideBox &box, float plane_tolerance) {
         constexpr float unit = error_unit(mode);
-        const __m128 origin = _mm_setr_ps(ray.o.x, ray.o.y, ray.o.z, 0),
-                     direction = _mm_setr_ps(ray.d.x, ray.d.y, ray.d.z, 0);
         const __m128 sign = _mm_set1_ps(-0.0f);
         const __m128 size = _mm_andnot_ps(sign, direction), largest = largest_of(size);
         const __m128 lower = _mm_sub_ps(_mm_load_ps(box.lower), origin),
@@ -91,7 +89,7 @@ template <Mode mode> struct WideRay {
         const __m128 begin = widened_begin<mode>(_mm_min_ps(t0, t1), axis_slack),
                      end = widened_end<mode>(_mm_max_ps(t0, t1), axis_slack);
         entry = std::max(0.f, _mm_cvtss_f32(largest_of(begin)));
-        exit = std::min(ray.maxt, -_mm_cvtss_f32(largest_of(_mm_xor_ps(end, sign))));
+        exit = std::min(direction[3], -_mm_cvtss_f32(largest_of(_mm_xor_ps(end, sign))));
 
         const __m128 start = _mm_xor_ps(_mm_mul_ps(origin, per_speed), sign), zero = _mm_setzero_ps();
         inverse = twice(per_speed);
