@@ -13,8 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betainc, betaincc
-from scipy.stats import norm
 
 from .images import BIAS_P_VALUE, DARK, compare_images
 
@@ -91,6 +89,8 @@ def finite(image: Image, reference: Image) -> Gate:
 
 def paired(image: Image, reference: Image) -> Gate:
     """The mean of the signed difference is no farther from zero than 3.3 of its standard errors."""
+    from scipy.stats import norm
+
     difference = compare_images(image, reference)
     gap = _gap(image, reference)
     y, x = (int(i) for i in np.unravel_index(np.argmax(gap), gap.shape))
@@ -161,6 +161,9 @@ def _gamma_scores(
 
     Sums over blocks; none is negative, and all are taken to be `floor` at least.
     """
+    from scipy.special import betainc, betaincc
+    from scipy.stats import norm
+
     with np.errstate(divide="ignore", invalid="ignore"):
         shape = np.square(np.maximum(mean, floor)) / variance
         light = [count * np.maximum(total, floor) for count, total in zip(samples, (first, second), strict=True)]
@@ -175,6 +178,8 @@ def z_test(pair: NoisyPair, alpha: float = ALPHA) -> Gate:
 
     The limit for one block is that of Sidak for all blocks of all sizes and channels.
     """
+    from scipy.stats import norm
+
     scores = {side: z_scores(pair, side) for side in BLOCKS}
     tests = sum(score.size for score in scores.values())
     limit = float(norm.isf(-math.expm1(math.log1p(-alpha) / tests) / 2))

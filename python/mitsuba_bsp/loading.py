@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import drjit as dr
 import mitsuba as mi
 
 from .messages import choices
@@ -21,6 +22,9 @@ from .spec import BRUTE_MAX_TRIANGLES, Spec, parse_spec
 from .swap import INSTANCE, SHAPE_GROUP, Container, GroupOptions, Reference, dissolve, nodes_of, regroup
 
 VARIANTS = ("scalar_rgb", "scalar_spectral", "scalar_spectral_polarized")
+
+#: With one thread Mitsuba waits forever for another one, which is to unpack the EXR file that it reads or writes.
+MIN_EXR_THREADS = 2
 
 #: Changes a parsed scene before its objects are made.
 Edit = Callable[["mi.parser.ParserState"], None]
@@ -185,6 +189,17 @@ def check_variant() -> str:
     )
 
 
+@contextmanager
+def threads_for_exr() -> Iterator[None]:
+    """Inside the context Mitsuba has the threads that it needs for EXR files, also on a machine with one processor."""
+    before = dr.thread_count()
+    dr.set_thread_count(max(before, MIN_EXR_THREADS))
+    try:
+        yield
+    finally:
+        dr.set_thread_count(before)
+
+
 def _config(parallel: bool, optimize: bool) -> mi.parser.ParserConfig:
     config = mi.parser.ParserConfig(check_variant())
     config.parallel = parallel
@@ -219,7 +234,9 @@ def _load(
         edit(state)
     dissolve(state)
     groups, instances = nodes_of(state, SHAPE_GROUP), nodes_of(state, INSTANCE)
-    return LoadedScene(state, config, make_objects(config, state, [0, *groups], {*groups, *instances}), source)
+    with threads_for_exr():
+        containers = make_objects(config, state, [0, *groups], {*groups, *instances})
+    return LoadedScene(state, config, containers, source)
 
 
 def _finish(loaded: LoadedScene, spec: Spec, cache: str | Path | None) -> mi.Scene:

@@ -253,6 +253,13 @@ class TestRender:
         assert (tmp_path / "new" / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_commands_start_without_what_only_some_need() -> None:
+    heavy = "scipy", "matplotlib"
+    code = f"import sys, mitsuba_bsp.cli; print([name for name in {heavy} if name in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
 def test_specs_lists_every_name_key_and_default(command: Command) -> None:
     result = command("specs")
     assert result.returncode == 0, result.stderr

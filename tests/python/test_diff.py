@@ -14,6 +14,7 @@ from conftest import ROOM, error_line
 from mitsuba_bsp import cli
 from mitsuba_bsp.exr import read_exr, read_header, write_channels
 from mitsuba_bsp.flip import flip
+from mitsuba_bsp.loading import threads_for_exr
 from mitsuba_bsp.noise import colours_in, own_variance, rendered_channels, variance_image
 from mitsuba_bsp.spec import parse_spec
 
@@ -247,7 +248,8 @@ def moments(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     files = [tmp_path_factory.mktemp("moments") / f"{seed}.exr" for seed in (1, 2)]
     for seed, file in enumerate(files):
         mi.render(scene, integrator=integrator, spp=SPP, seed=seed)
-        scene.sensors()[0].film().bitmap().write(str(file))
+        with threads_for_exr():
+            scene.sensors()[0].film().bitmap().write(str(file))
     return files
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import mitsuba as mi
@@ -13,7 +14,7 @@ import pytest
 from conftest import scene_xml
 
 from mitsuba_bsp import jobs
-from mitsuba_bsp.exr import read_exr, read_header
+from mitsuba_bsp.exr import read_exr, read_header, write_exr
 from mitsuba_bsp.jobs import Job, JobError, run_job
 
 
@@ -57,6 +58,19 @@ def test_a_crash_of_the_loader_names_the_mesh(wild: Path) -> None:
     assert str(wild.with_name("wild.ply")) in message
     assert str(wild) in message
     assert "\n" not in message
+
+
+def test_one_thread_reads_exr_files(tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", np.ones((9, 9, 3), np.float32), ["R", "G", "B"], {})
+    path = tmp_path / "scene.xml"
+    sky = '<emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>'
+    path.write_text(scene_xml('<shape type="cube"/>', sky))
+    started = time.monotonic()
+
+    def give_up(_: str) -> None:
+        assert time.monotonic() - started < 60, "it hangs"
+
+    assert run_job(Job("inspect", str(path), "scalar_rgb", threads=1), give_up).values["triangles"] == 12
 
 
 @pytest.mark.parametrize(

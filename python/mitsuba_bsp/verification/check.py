@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from ..spec import Spec
 from ..text_table import TextTable
@@ -167,4 +166,6 @@ def rate_bound(wrong: int, tried: int) -> float:
 
     Exact for rare events (Garwood 1936).
     """
+    from scipy.special import gammaincinv
+
     return min(1.0, float(gammaincinv(wrong + 1, 0.95)) / tried) if tried else 1.0
