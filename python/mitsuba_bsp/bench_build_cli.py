@@ -8,13 +8,12 @@ from pathlib import Path
 
 from . import scenes_dir
 from .bench_cli import add_scene_options, run_with_bar, show
-from .build_table import GROWTH_LEGEND, LEGEND, NO_PEAK, growths, make_build_tables, make_growth_tables
+from .build_table import NO_PEAK
 from .builds import BuildOptions, measure_builds
 from .growth import SIZES
-from .growth_plot import plot_growth
 from .records import ResultsFolder
 from .spec import Spec, parse_spec
-from .terminal import ProgressBar, add_threads_option, chosen_scenes, out, positive, say
+from .terminal import add_threads_option, chosen_scenes, positive, say
 
 DEFAULT_SPECS = ("native", "kd", "normals", "clustered", "random", "rbsp", "ize")
 GROWTH_SPECS = ("kd", "normals")
@@ -56,24 +55,12 @@ def _bench_build(args: argparse.Namespace) -> int:
     """`mitsuba-bsp bench build`."""
     options = _options(args)
     bar, status = run_with_bar(options, measure_builds)
-    folder = ResultsFolder(options.out)
-    rows = folder.records() if bar.scenes else []
+    rows = ResultsFolder(options.out).records() if bar.scenes else []
     if any(row["peak_build_bytes"] is None for row in rows):
         say("note", NO_PEAK, "yellow")
-    if bar.scenes and options.sizes:
-        _show_growth(options, folder, bar)
-    elif bar.scenes:
-        show(options, "Builds", LEGEND, make_build_tables(bar.scenes, options, folder), bar)
+    if bar.scenes:
+        show(options.out)
     return status
-
-
-def _show_growth(options: BuildOptions, folder: ResultsFolder, bar: ProgressBar) -> None:
-    (scene,) = bar.scenes
-    found = growths(scene, options, folder)
-    if any(growth.law for growth in found):
-        files = plot_growth(f"Building a tree over {scene.name}, tessellated", found, options.out)
-        out.print(f"The figure is in {files[0]} and {files[1].name}", soft_wrap=True, markup=False)
-    show(options, "Growth of building", GROWTH_LEGEND, make_growth_tables(scene, found), bar)
 
 
 def _options(args: argparse.Namespace) -> BuildOptions:

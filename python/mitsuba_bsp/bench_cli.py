@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from .comparison import Listener, Options
-from .machine import describe
+from .outcomes import failures, write_outcomes
+from .records import ResultsFolder
 from .spec import parse_spec
 from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, add_loading_options, out, positive, say
-from .text_table import TextTable, print_text_tables, text_markdown
+from .text_table import print_text_tables
 
 #: The accelerators that are compared, and how often at least, where speed is the question.
 DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
@@ -73,9 +74,10 @@ def run_with_bar(options: Options, measure: Callable[[Any, Listener], object]) -
     return bar, status
 
 
-def show(options: Options, title: str, legend: str, tables: Sequence[TextTable], bar: ProgressBar) -> None:
-    """Print the tables and write them into the results folder."""
-    text = text_markdown(title, legend, tables, bar.failures, describe())
-    (options.out / "table.md").write_text(text, encoding="utf-8")
-    print_text_tables(out, tables, bar.failures)
-    out.print(f"Results are in {options.out}", soft_wrap=True, markup=False)
+def show(path: Path) -> None:
+    """Print the tables of everything in a results folder, and write them and the figures into it."""
+    tables, figures = write_outcomes(ResultsFolder(path))
+    print_text_tables(out, tables, failures(ResultsFolder(path)))
+    for file in figures:
+        out.print(f"A figure is in {file} and {file.stem}.svg", soft_wrap=True, markup=False)
+    out.print(f"Results are in {path}", soft_wrap=True, markup=False)

@@ -15,7 +15,7 @@ from .bench_cli import (
     run_with_bar,
     show,
 )
-from .bench_rays_table import LEGEND, NO_MISSES, make_ray_tables
+from .bench_rays_table import NO_MISSES
 from .records import ResultsFolder
 from .replays import RESOLUTION, SPP, RayOptions, replay_scenes
 from .terminal import chosen_scenes, positive, say
@@ -54,9 +54,7 @@ def _bench_rays(args: argparse.Namespace) -> int:
     options = ray_options(args, chosen_scenes(args.scenes), "bench-rays", MIN_REPEATS, args.specs)
     bar, status = run_with_bar(options, replay_scenes)
     if bar.scenes:
-        folder = ResultsFolder(options.out)
-        tables = make_ray_tables(bar.scenes, options, folder)
-        if any(row["cache_misses"] is None for row in folder.records()):
+        if any(row["cache_misses"] is None for row in ResultsFolder(options.out).records()):
             say("note", NO_MISSES, "yellow")
-        show(options, "Replayed rays", LEGEND, tables, bar)
+        show(options.out)
     return status

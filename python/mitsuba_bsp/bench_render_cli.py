@@ -13,10 +13,8 @@ from .bench_cli import (
     run_with_bar,
     show,
 )
-from .bench_render_table import legend, make_frame_tables
 from .comparison import Options
 from .frames import RESOLUTION, SPP, time_scenes
-from .records import ResultsFolder
 from .terminal import add_threads_option, chosen_scenes
 
 
@@ -33,9 +31,8 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 def _bench_render(args: argparse.Namespace) -> int:
     """`mitsuba-bsp bench render`."""
     fields = frame_options(args, chosen_scenes(args.scenes), "bench-render", MIN_REPEATS, args.specs)
-    options = Options(**fields, threads=args.threads)
+    options = Options(**fields, threads=args.threads, command="bench render")
     bar, status = run_with_bar(options, time_scenes)
     if bar.scenes:
-        tables = make_frame_tables(bar.scenes, options, ResultsFolder(options.out))
-        show(options, "Whole frames", legend(options.threads), tables, bar)
+        show(options.out)
     return status

@@ -8,11 +8,9 @@ from pathlib import Path
 
 from .bench_cli import add_scene_options, run_with_bar, show
 from .comparison import Options
-from .records import ResultsFolder
 from .spec import parse_spec
 from .terminal import add_threads_option, chosen_scenes, positive
 from .thesis import BASELINE, SPECS, count_frames
-from .thesis_table import LEGEND, make_thesis_tables
 
 
 def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -43,9 +41,9 @@ def _bench_thesis(args: argparse.Namespace) -> int:
         params=dict(args.params),
         spp=args.spp,
         resolution=args.resolution,
+        command="bench thesis",
     )
     bar, status = run_with_bar(options, count_frames)
     if bar.scenes:
-        tables = make_thesis_tables(bar.scenes, options, ResultsFolder(options.out))
-        show(options, "The thesis's counters", LEGEND, tables, bar)
+        show(options.out)
     return status

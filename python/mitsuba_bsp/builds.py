@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from .asked import begin
 from .attempts import Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .growth import sizes_from
@@ -27,6 +28,7 @@ class BuildOptions(Options):
     """What to build: every scene as it is, or if there are `sizes` its meshes tessellated to so many triangles."""
 
     sizes: tuple[int, ...] = ()
+    command: str = "bench build"
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def measure_builds(options: BuildOptions, listener: Listener) -> tuple[list[Scen
     attempts = Attempts(folder, listener)
     scenes = preflight(options, folder, attempts.note, images=False, meshes_to="build a tree over")
     turns = [turn for repeat in range(options.repeats) for turn in _round(options, scenes, repeat)]
-    folder.prepare("")
+    begin(folder, options, scenes)
     done = {(row["scene"], row["size"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
     listener.start(scenes, len(turns), len(turns) - len(todo))

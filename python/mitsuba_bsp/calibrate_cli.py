@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 from .bench_cli import run_with_bar, show
 from .bench_rays_cli import add_ray_options, ray_options
-from .calibration import LEGEND, SETTINGS, SPECS, calibration_tables, fit, in_layout, measurements
-from .records import ResultsFolder
-from .replays import newest_replay, replay_scenes
+from .calibration import SETTINGS, SPECS, in_layout
+from .replays import replay_scenes
 from .terminal import INTERRUPTED, chosen_scenes
 
 MIN_REPEATS = 3
@@ -33,10 +33,10 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def _calibrate(args: argparse.Namespace) -> int:
     """`mitsuba-bsp calibrate`."""
     scenes = tuple(dict.fromkeys((*chosen_scenes(()), *chosen_scenes(args.scenes))))
-    options = ray_options(args, scenes, "calibrate", MIN_REPEATS, in_layout(SPECS, args.layout))
+    options = replace(
+        ray_options(args, scenes, "calibrate", MIN_REPEATS, in_layout(SPECS, args.layout)), command="calibrate"
+    )
     bar, status = run_with_bar(options, replay_scenes)
-    folder = ResultsFolder(options.out)
-    rows = [row for scene in bar.scenes for row in newest_replay(folder, options, scene)]
-    if rows and status != INTERRUPTED:
-        show(options, "Prices", LEGEND, calibration_tables(fit(measurements(rows), args.layout)), bar)
+    if bar.scenes and status != INTERRUPTED:
+        show(options.out)
     return status

@@ -20,24 +20,21 @@ from . import (
     plugin_dir,
     specs,
     study_cli,
+    tables_cli,
     verify_cli,
 )
-from .bench_cli import add_spec_option
+from .bench_cli import add_spec_option, run_with_bar, show
 from .compare import compare
-from .comparison import MIN_REPEATS, Failure, Options, SceneInfo
+from .comparison import MIN_REPEATS, Options
 from .jobs import Job, JobError, run_job
 from .machine import describe
 from .messages import one_sentence
-from .records import ResultsFolder
-from .report_table import make_tables, markdown, print_tables
 from .scene_content import Content, notes
 from .spec import parse_spec, value_text
 from .terminal import (
     BAD_INPUT,
     INTERRUPTED,
-    JOB_FAILED,
     OK,
-    ProgressBar,
     add_loading_options,
     add_threads_option,
     chosen_scenes,
@@ -88,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         kind.add_command(kinds)
     calibrate_cli.add_command(commands)
     study_cli.add_command(commands)
+    tables_cli.add_command(commands)
     diff_cli.add_command(commands)
     verify_cli.add_command(commands)
 
@@ -130,26 +128,10 @@ def _compare(args: argparse.Namespace) -> int:
         repeats=args.repeats,
         cache=args.cache,
     )
-    with ProgressBar() as bar:
-        try:
-            scenes, failures, interrupted = *compare(options, bar), False
-        except KeyboardInterrupt:
-            scenes, failures, interrupted = bar.scenes, bar.failures, True
-    if scenes:
-        _report(options, scenes, failures)
-    if interrupted:
-        say("interrupted", f"what was finished is kept in {options.out}, --out {options.out} goes on from there", "red")
-        return INTERRUPTED
-    return JOB_FAILED if failures else OK
-
-
-def _report(options: Options, scenes: Sequence[SceneInfo], failures: Sequence[Failure]) -> None:
-    """Show and write the tables of everything recorded so far."""
-    folder = ResultsFolder(options.out)
-    tables = make_tables(scenes, options.specs, folder, failures)
-    (options.out / "table.md").write_text(markdown(tables, describe()), encoding="utf-8")
-    print_tables(out, tables)
-    out.print(f"Results are in {options.out}", soft_wrap=True, markup=False)
+    bar, status = run_with_bar(options, compare)
+    if bar.scenes:
+        show(options.out)
+    return status
 
 
 def _render(args: argparse.Namespace) -> int:

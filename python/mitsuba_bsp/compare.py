@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .asked import begin
 from .attempts import Attempts
 from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
 from .differences import Differences
@@ -73,7 +74,7 @@ def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list
     folder = ResultsFolder(options.out)
     run = _Run(options, listener, folder, Attempts(folder, listener))
     scenes = preflight(options, folder, run.attempts.note)
-    folder.prepare()
+    begin(folder, options, scenes, "images")
     todo_count, todo_time = _to_count(run, scenes), _to_time(run, scenes)
     total = len(scenes) * len(options.specs) * (options.repeats + 1)
     listener.start(scenes, total, total - len(todo_count) - len(todo_time))

@@ -23,7 +23,7 @@ class Options:
     """What to compare.
 
     `spp` and `resolution` (longer side, pixels) of None are the scene's own; `cache` is the folder in which trees are
-    kept, None for building all of them every time.
+    kept, None for building all of them every time. `command` is what is run, as the records are told apart by it.
     """
 
     scenes: tuple[Path, ...]
@@ -36,6 +36,7 @@ class Options:
     resolution: int | None = None
     repeats: int = MIN_REPEATS
     cache: Path | None = None
+    command: str = "compare"
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,9 @@ class Failure:
     scene: str
     spec: str
     message: str
+
+    def __str__(self) -> str:
+        return f"{self.scene}, {self.spec}: {self.message}"
 
 
 class Listener(Protocol):

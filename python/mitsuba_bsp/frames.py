@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
+from .asked import begin
 from .attempts import Attempts
 from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
 from .jobs import FREE, Job
@@ -28,7 +29,7 @@ def time_scenes(options: Options, listener: Listener) -> tuple[list[SceneInfo], 
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener)
     scenes = preflight(options, folder, attempts.note, images=False, meshes_to="trace rays in")
-    folder.prepare("")
+    begin(folder, options, scenes)
     todo = [scene for scene in scenes if not newest_frames(folder, options, scene)]
     listener.start(scenes, len(scenes), len(scenes) - len(todo))
     for scene in todo:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .build_table import Growth
-from .figures import GUIDE, new_figure, plain, save_figure
+from .figures import GUIDE, new_figure, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
-def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]:
-    """Write growth.png and growth.svg: a point a size, the fitted powers, and n log n for the eye."""
+def growth_figure(title: str, found: Sequence[Growth]) -> Figure:
+    """A point a size, the fitted powers, and n log n for the eye."""
     figure = new_figure(6.4, 4.4)
     axes = figure.add_subplot(xscale="log", yscale="log", xlabel="triangles", ylabel="build time (s)", title=title)
     for growth, marker in zip(found, "osD^vPX*" * len(found), strict=False):
@@ -32,7 +32,7 @@ def plot_growth(title: str, found: Sequence[Growth], folder: Path) -> list[Path]
     axes.plot([], [], color=GUIDE, linewidth=0.8, linestyle=":", label="n log n, from the smallest size")
     _label_ticks(axes, sorted({size for growth in found for size in growth.triangles}))
     plain(axes).legend(frameon=False)
-    return save_figure(figure, folder, "growth")
+    return figure
 
 
 def _label_ticks(axes: Axes, sizes: Sequence[int]) -> None:

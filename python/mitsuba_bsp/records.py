@@ -12,10 +12,12 @@ from typing import Any
 
 Record = Mapping[str, Any]
 
+#: Fields that say on what a record was measured: the machine and the versions of the software.
+MACHINE = ("mitsuba", "mitsuba_bsp", "compiler", "python", "cpu")
+
 #: Fields that every record of one scene in one folder must share, or its figures could not be compared.
 CONTEXT = (
-    "scene_hash", "variant", "params", "spp", "resolution", "seed", "threads", "cache",
-    "mitsuba", "mitsuba_bsp", "compiler", "python", "cpu",
+    "scene_hash", "variant", "params", "spp", "resolution", "seed", "threads", "cache", *MACHINE,
 )  # fmt: skip
 
 
@@ -24,10 +26,11 @@ class ResultsFolder:
     """The files of one comparison.
 
     `records.jsonl` has one object per timed run, `counters.jsonl` one per untimed run with counters and image,
-    `failures.jsonl` one per job that failed.
+    `failures.jsonl` one per job that failed. Where a `machine` is given, only its timed runs are seen.
     """
 
     path: Path
+    machine: Mapping[str, str] | None = None
 
     def check_writable(self) -> None:
         """ValueError if the folder cannot be written to, or not be created; leaves nothing behind."""
@@ -41,7 +44,7 @@ class ResultsFolder:
     def prepare(self, subfolder: str = "images") -> None:
         """Create the folder, with a subfolder unless that is "", and cut off a record whose writing was interrupted."""
         (self.path / subfolder).mkdir(parents=True, exist_ok=True)
-        for file in (self.records_file, self.counters_file, self.failures_file):
+        for file in (self.records_file, self.counters_file, self.failures_file, self.asked_file):
             _drop_unfinished_line(file)
 
     @property
@@ -56,8 +59,13 @@ class ResultsFolder:
 
     @property
     def failures_file(self) -> Path:
-        """Jobs that failed, in this run or an earlier one."""
+        """Jobs that failed when they were tried last."""
         return self.path / "failures.jsonl"
+
+    @property
+    def asked_file(self) -> Path:
+        """What the commands that measured into this folder were asked for."""
+        return self.path / "asked.jsonl"
 
     def image(self, scene: str, spec: str) -> Path:
         """Where the EXR image of a scene and spec goes."""
@@ -66,12 +74,23 @@ class ResultsFolder:
 
     def records(self) -> list[Record]:
         """All timed runs, in the order in which they finished."""
-        return _read(self.records_file)
+        rows = read_lines(self.records_file)
+        return rows if self.machine is None else [row for row in rows if machine_of(row) == self.machine]
 
     def counted(self) -> dict[tuple[str, str], Record]:
         """The newest untimed run of every (scene, spec) whose image is still there."""
-        rows = {(str(row["scene"]), str(row["spec"])): row for row in _read(self.counters_file)}
+        rows = {(str(row["scene"]), str(row["spec"])): row for row in read_lines(self.counters_file)}
         return {key: row for key, row in rows.items() if (self.path / str(row["image"])).is_file()}
+
+
+def machine_of(row: Record) -> dict[str, str]:
+    """What a record was measured on."""
+    return {key: str(row[key]) for key in MACHINE}
+
+
+def machines(rows: Sequence[Record]) -> list[dict[str, str]]:
+    """What records were measured on, each once."""
+    return list({tuple(found.values()): found for found in map(machine_of, rows)}.values())
 
 
 def append(file: Path, *records: Record) -> None:
@@ -80,6 +99,15 @@ def append(file: Path, *records: Record) -> None:
         stream.write("".join(json.dumps(record) + "\n" for record in records))
         stream.flush()
         os.fsync(stream.fileno())
+
+
+def rewrite(file: Path, records: Sequence[Record]) -> None:
+    """Make these all the lines of a file, unless they are it already."""
+    if records == read_lines(file):
+        return
+    unfinished = file.with_suffix(".partial")
+    unfinished.write_text("".join(json.dumps(record) + "\n" for record in records), encoding="utf-8")
+    unfinished.replace(file)
 
 
 def of(rows: Sequence[Record], **fields: object) -> list[Record]:
@@ -120,7 +148,8 @@ def check_context(rows: Sequence[Record], scene: str, spec_full: Mapping[str, st
                 )
 
 
-def _read(file: Path) -> list[Record]:
+def read_lines(file: Path) -> list[Record]:
+    """The records in a file; none if there is no file."""
     if not file.exists():
         return []
     lines = file.read_text(encoding="utf-8").split("\n")

@@ -12,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from .asked import begin
 from .attempts import Attempts
 from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
 from .jobs import Job, JobResult
@@ -31,6 +32,7 @@ class RayOptions(Options):
     """What to replay; of more than `max_rays` rays of a kind a sample is taken."""
 
     max_rays: int = 500_000
+    command: str = "bench rays"
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneIn
     folder = ResultsFolder(options.out)
     run = _Run(options, listener, folder, Attempts(folder, listener))
     scenes = preflight(options, folder, run.attempts.note, images=False, meshes_to="trace rays in")
-    folder.prepare("streams")
+    begin(folder, options, scenes, "streams")
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
     for scene in todo:

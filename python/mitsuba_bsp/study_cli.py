@@ -10,11 +10,10 @@ from functools import partial
 from pathlib import Path
 
 from .bench_cli import add_scene_options, run_with_bar, show
-from .figures import save_figure
 from .records import ResultsFolder
 from .studies import STUDIES
 from .studies.study import Study, StudyOptions, run_study, specs_of
-from .terminal import add_threads_option, chosen_scenes, out, positive
+from .terminal import add_threads_option, chosen_scenes, positive
 
 #: Frames of this size and this many samples per pixel are rendered, unless the user says otherwise.
 RESOLUTION, SPP = 256, 4
@@ -60,14 +59,10 @@ def _study(study: Study, chosen: Sequence[str], args: argparse.Namespace) -> int
         resolution=args.resolution,
         repeats=args.repeats,
         choices={name: getattr(args, name) for name in chosen},
+        command=f"study {study.name}",
     )
     options = replace(options, specs=specs_of(study.plan(options)))
     bar, status = run_with_bar(options, partial(run_study, study))
-    folder = ResultsFolder(options.out)
-    rows = folder.records() if bar.scenes else []
-    if rows:
-        for name, figure in study.figures(rows, folder):
-            png, svg = save_figure(figure, options.out, name)
-            out.print(f"A figure is in {png} and {svg.name}", soft_wrap=True, markup=False)
-        show(options, study.title, study.legend, study.tables(rows), bar)
+    if bar.scenes and ResultsFolder(options.out).records():
+        show(options.out)
     return status

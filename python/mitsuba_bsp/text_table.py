@@ -23,6 +23,7 @@ class TextTable:
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    words: bool = False  #: the cells are no numbers, so they are not aligned to the right
 
 
 def print_text_tables(console: Console, tables: Sequence[TextTable], failures: Sequence[Failure]) -> None:
@@ -32,13 +33,13 @@ def print_text_tables(console: Console, tables: Sequence[TextTable], failures: S
             *found.head, title=found.title, title_justify="left", box=rich.box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
         )
         table.columns[0].min_width, table.columns[0].overflow = _NAME_WIDTH, "fold"
-        for column in table.columns[1:]:
+        for column in () if found.words else table.columns[1:]:
             column.justify, column.no_wrap = "right", True
         for row in found.rows:
             table.add_row(*row)
         console.print(table)
-    for failure in failures:
-        console.print(f"failed: {failure.scene}: {failure.message}", style="red", markup=False)
+    for failure in dict.fromkeys(failures):
+        console.print(f"failed: {failure}", style="red", markup=False)
 
 
 def text_markdown(
@@ -55,4 +56,4 @@ def _markdown_parts(
     for table in tables:
         yield f"## {table.title}"
         yield tabulate(table.rows, table.head, tablefmt="github", disable_numparse=True)
-    yield from (f"Failed: {failure.scene}: {failure.message}" for failure in failures)
+    yield from (f"Failed: {failure}" for failure in dict.fromkeys(failures))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from .asked import begin
 from .attempts import Attempts
 from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
 from .jobs import Job
@@ -122,7 +123,7 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener)
     scenes = preflight(options, folder, attempts.note, images=False, meshes_to="count")
-    folder.prepare("")
+    begin(folder, options, scenes)
     done = {(row["scene"], row["spec"]) for row in folder.records()}
     frames = [(scene, spec) for scene in scenes for spec in options.specs]
     todo = [(scene, spec) for scene, spec in frames if (scene.name, spec.text) not in done]

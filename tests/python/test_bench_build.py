@@ -102,7 +102,7 @@ def test_a_build_that_fails_leaves_the_others(room: Path, fake: FakeBuilds, capf
     words = ["bench", "build", room, "--out", room.with_name("out"), "--specs", *SPECS]
     assert run_here(*words) == 1
     shown = capfd.readouterr()
-    assert "failed: room: the worker was killed" in shown.out
+    assert "failed: room, native: the worker was killed" in shown.out
     assert "peak memory is not measured" in shown.err
     assert {row["spec"] for row in rows(room.with_name("out"))} == set(SPECS[1:])
     fake.failing = ""

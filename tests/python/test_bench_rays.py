@@ -101,7 +101,7 @@ class TestBenchRays:
         with pytest.raises(SystemExit) as caught:
             cli.main(["bench", "rays", str(room), str(other), *words])
         assert caught.value.code == 1
-        assert "failed: room: the worker was killed" in capfd.readouterr().out
+        assert "failed: room, replay: the worker was killed" in capfd.readouterr().out
         assert {row["scene"] for row in rows(folder)} == {"other"}
         monkeypatch.setattr(attempts, "run_job", run_job)
         with pytest.raises(SystemExit) as caught:

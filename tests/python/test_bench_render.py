@@ -129,7 +129,7 @@ class TestTables:
         words = [*scenes, "--threads", "2", "--out", str(tmp_path / "out"), "--specs", *SPECS]
         workers.failing = {"room"}
         assert bench(*words) == 1
-        assert "failed: room: the worker was killed" in capfd.readouterr().out
+        assert "failed: room, frames: the worker was killed" in capfd.readouterr().out
         assert {row["scene"] for row in rows(tmp_path / "out")} == {"other"}
         workers.failing = set()
         assert bench(*words) == 0
@@ -221,7 +221,7 @@ def test_a_built_in_scene(command: Command, tmp_path: Path) -> None:
     }
     for text in (result.stdout, (tmp_path / "out" / "table.md").read_text()):
         assert all(spec in text for spec in (*SPECS, FREE, "traversal"))
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"records.jsonl", "table.md"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"asked.jsonl", "records.jsonl", "table.md"}
     again = command(*words, "--threads", "1", "--specs", *SPECS)
     assert again.returncode == 0 and "1 of 1 jobs were finished" in again.stderr
     assert again.stdout == result.stdout and rows(tmp_path / "out") == found

@@ -44,7 +44,7 @@ def test_what_is_shown_and_kept(room: Path, command: Command, tmp_path: Path) ->
     found = rows(tmp_path / "out")
     assert {(row["scene"], row["spec"]) for row in found} == {(s, spec) for s in ("feet", "other") for spec in SPECS}
     assert len({row["pixels_sha256"] for row in found}) == 1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"records.jsonl", "table.md"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"asked.jsonl", "records.jsonl", "table.md"}
     for text in (result.stdout, (tmp_path / "out" / "table.md").read_text()):
         ours, theirs = (text[text.index(f"{name}, 30 triangles") :] for name in ("other", "feet"))
         assert "not the same scene: the thesis's has 33,000" in theirs and "not the same" not in ours

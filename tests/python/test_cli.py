@@ -159,7 +159,7 @@ class TestCompare:
         with pytest.raises(SystemExit) as caught:
             cli.main(["compare", str(room), *words])
         assert caught.value.code == 1
-        assert "failed: kd: the worker was killed" in capfd.readouterr().out
+        assert "failed: room, kd: the worker was killed" in capfd.readouterr().out
         assert len(records(room.with_name("out"))) == 3
 
 

@@ -13,11 +13,13 @@ import pytest
 
 from mitsuba_bsp import attempts, parse_spec, preflight
 from mitsuba_bsp.compare import compare
+from mitsuba_bsp.compare_table import make_tables
 from mitsuba_bsp.comparison import Failure, Options, SceneInfo
 from mitsuba_bsp.exr import write_exr
 from mitsuba_bsp.jobs import Job, JobError, JobResult
+from mitsuba_bsp.machine import describe
+from mitsuba_bsp.outcomes import write_outcomes
 from mitsuba_bsp.records import ResultsFolder
-from mitsuba_bsp.report_table import make_tables, markdown
 
 SPECS = ("native", "embree", "kd", "normals")
 
@@ -270,19 +272,22 @@ def test_scenes_of_the_same_name_are_refused(workers: Workers, options: Options,
 
 def test_the_tables_show_what_was_measured(workers: Workers, options: Options) -> None:
     workers.failing = {("time", "embree")}
-    scenes, failures = compare(options, Listener())
-    tables = make_tables(scenes, options.specs, ResultsFolder(options.out), failures)
-    assert [table.title for table in tables] == [f"{n}: 1,234 triangles, 8x6, 4 spp" for n in ("room", "garden")]
-    times = {row[0]: row[1:] for row in tables[0].times}
+    scenes, _ = compare(options, Listener())
+    tables = make_tables(scenes, options, ResultsFolder(options.out))
+    assert [table.title for table in tables] == [
+        title for n in ("room", "garden") for title in (f"{n}: 1,234 triangles, 8x6, 4 spp", f"{n}: images")
+    ]
+    times = {row[0]: row[1:] for row in tables[0].rows}
     assert times["kd"] == ("0.250", "0.500", "0.0%", "4.00", "4.0", "2.5", "0.0k", "0.1k", "2.0")
     assert times["embree"] == ("-",) * 9
-    images = {row[0]: row[1:] for row in tables[0].images}
+    images = {row[0]: row[1:] for row in tables[1].rows}
     assert images["kd"][0] == "(the reference)"
     assert images["normals"] == ("identical to kd", "as kd", "as kd")
     assert "BIAS" in images["kd"][1]
-    assert tables[0].failures == ("embree: embree ran out of luck",)
-    text = markdown(tables, {"cpu": "a fast one"})
-    assert "| normals" in text and "cpu a fast one" in text and "Failed: embree: embree ran out of luck" in text
+    write_outcomes(ResultsFolder(options.out))
+    text = (options.out / "table.md").read_text()
+    assert "| normals" in text and f"cpu {describe()['cpu']}" in text
+    assert "Failed: room, embree: embree ran out of luck" in text
 
 
 def test_an_image_that_does_not_repeat_is_pointed_out(workers: Workers, options: Options) -> None:
@@ -297,6 +302,6 @@ def test_an_image_that_does_not_repeat_is_pointed_out(workers: Workers, options:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(attempts, "run_job", unstable)
         scenes, _ = compare(options, Listener())
-    images = {row[0]: row[1] for row in make_tables(scenes, options.specs, ResultsFolder(options.out), [])[0].images}
+    images = {row[0]: row[1] for row in make_tables(scenes, options, ResultsFolder(options.out))[1].rows}
     assert "NOT REPEATABLE" in images["kd"]
     assert "NOT REPEATABLE" not in images["normals"]

@@ -9,8 +9,9 @@ import pytest
 
 from mitsuba_bsp.build_table import Growth, make_growth_tables
 from mitsuba_bsp.comparison import SceneInfo
+from mitsuba_bsp.figures import save_figure
 from mitsuba_bsp.growth import fit_growth, sizes_from, tessellate
-from mitsuba_bsp.growth_plot import plot_growth
+from mitsuba_bsp.growth_plot import growth_figure
 from mitsuba_bsp.scene_content import Content
 
 SIZES = np.array([1e5, 3e5, 1e6, 3e6])
@@ -78,9 +79,10 @@ def test_tables_and_figure(tmp_path: Path) -> None:
     assert exponents.rows[1][3:] == ("yes", "-", "-")
     assert every.rows[0][1:] == ("100,000", "1.000", "0.0%", "602.1", "2,000", "80", "2.00", "1,234")
     assert len(every.rows) == 8
-    png, svg = plot_growth("Building", [grown(1.2, 2000), grown(1.1, None)], tmp_path)
+    figure = growth_figure("Building", [grown(1.2, 2000), grown(1.1, None)])
+    png, svg = save_figure(figure, tmp_path, "growth")
     assert png.stat().st_size > 10_000
     text = svg.read_text()
     assert all(word in text for word in ("triangles", "build time (s)", "n log n"))
-    plot_growth("Building", [grown(1.2, 2000), grown(1.1, None)], tmp_path)
+    save_figure(growth_figure("Building", [grown(1.2, 2000), grown(1.1, None)]), tmp_path, "growth")
     assert svg.read_text() == text

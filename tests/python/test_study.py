@@ -86,7 +86,7 @@ class TestRunner:
         words = ("comparison", room, *self.WORDS, "--out", tmp_path / "out")
         workers.failing = {"kd"}
         assert study(*words) == 1
-        assert "failed: room: the worker was killed" in capfd.readouterr().out
+        assert "failed: room, kd: the worker was killed" in capfd.readouterr().out
         workers.failing = set()
         before = len(workers.jobs)
         assert study(*words) == 0

@@ -34,6 +34,9 @@ K = (3, 4, 5, 6, 7, 8, 9, 10, 13, 16)
 KDOP_K, SPIRAL_K = (3, 7, 9, 13), range(4, 17)
 BASELINES = ("native", "embree")
 
+#: Inches that a label takes in the figure's legend, and by how much of a k curves are drawn apart.
+_LABEL, _APART = 2.4, 0.07
+
 _LEGEND = (
     "Render time of a frame against k, the number of directions swept in a node, the axes included. Times are medians "
     "of all repetitions and their standard deviations; trees that draw directions have another seed each time. "
@@ -212,7 +215,8 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
     runs = Runs(rows)
     found = curves(runs)
     kinds = sorted({(curve.layout, curve.axes) for curve in found}, key=lambda kind: (kind[0], "npf".index(kind[1][0])))
-    figure = new_figure(1 + 2.9 * len(runs.scenes), 0.9 + 2.3 * len(kinds))
+    width = 1 + max(4.5, 2.9 * len(runs.scenes))
+    figure = new_figure(width, 1.2 + 2.3 * len(kinds))
     grid = figure.subplots(len(kinds), len(runs.scenes), sharex=True, sharey="col", squeeze=False)
     for row, (layout, axes) in zip(grid, kinds, strict=True):
         for panel, scene in zip(row, runs.scenes, strict=True):
@@ -226,19 +230,21 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
         panel.set_xlabel("directions k")
     lines = {line.get_label(): line for panel in grid.flat for line in panel.get_lines()}
     shown = {label: line for label, line in lines.items() if not label.startswith("_")}
-    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=min(4, len(shown)), frameon=False)
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=int(width // _LABEL), frameon=False)
     yield "directions", figure
 
 
 def _draw(panel: Axes, runs: Runs, scene: str, found: dict[Curve, dict[int, str]]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     styles = {"": ("o", "-"), "kdop": ("s", "-"), "spiral": ("D", "--")}
-    for curve, by_k in found.items():
+    for place, (curve, by_k) in enumerate(found.items()):
         effects = {k: runs.effect(scene, tree, baseline(runs, curve.layout), RENDER) for k, tree in by_k.items()}
         points = [(k, effect.ratio) for k, effect in effects.items() if effect]
         if not points:
             continue
         marker, style = styles[curve.directions]
-        ks = [k for k, _ in points]
+        ks = [k + _APART * (place - (len(found) - 1) / 2) for k, _ in points]
         label = ", ".join([curve.name, *[curve.directions] * bool(curve.directions)])
         label += "" if curve.cached_dots else ", dots not cached"
         face = COLOURS[curve.name] if curve.cached_dots else "white"
@@ -246,8 +252,9 @@ def _draw(panel: Axes, runs: Runs, scene: str, found: dict[Curve, dict[int, str]
             ks, [100 * ratio.value for _, ratio in points], style, marker=marker, markersize=3.5, linewidth=1.2,
             color=COLOURS[curve.name], markerfacecolor=face, label=label,
         )  # fmt: skip
-        band = [100 * ratio.low for _, ratio in points], [100 * ratio.high for _, ratio in points]
-        panel.fill_between(ks, *band, color=COLOURS[curve.name], alpha=0.15, linewidth=0)
+        interval = [100 * ratio.low for _, ratio in points], [100 * ratio.high for _, ratio in points]
+        panel.vlines(ks, *interval, color=COLOURS[curve.name], linewidth=0.8, alpha=0.6)
+    panel.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def _draw_baselines(panel: Axes, runs: Runs, scene: str, layout: str) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..asked import begin
 from ..attempts import Attempts
 from ..comparison import SEED, Failure, Listener, SceneInfo, context
 from ..jobs import Job, Kind
@@ -130,7 +131,7 @@ def run_study(study: Study, options: StudyOptions, listener: Listener) -> tuple[
     attempts = Attempts(folder, listener)
     scenes = preflight(options, folder, attempts.note, images=False, meshes_to="put into trees")
     turns = _rounds(scenes, study.plan(options))
-    folder.prepare("streams")
+    begin(folder, options, scenes, "streams")
     done = {(row["scene"], row["measure"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
     counting = {turn.scene.name for turn in todo if turn.cell.measure in _NEEDS_STREAMS}
