@@ -37,6 +37,10 @@ struct Counters {
         triangle_tests += o.triangle_tests;
         return *this;
     }
+    Counters operator-(const Counters &o) const {
+        return {rays - o.rays, axis_steps - o.axis_steps, oblique_steps - o.oblique_steps, leaves - o.leaves,
+                triangle_tests - o.triangle_tests};
+    }
 };
 
 /// Some of the bytes that an accelerator reads while it answers.

@@ -34,24 +34,24 @@ public:
     }
 
     Hit closest(const Ray3f &ray) const override {
-        if (!m_count)
+        if (!counts())
             return locate(m_tree->closest(to_ray(ray)));
         bsp::Counters counters;
         const bsp::Hit hit = m_tree->count_closest(to_ray(ray), counters);
         if (m_recorder)
             m_recorder->write_closest(to_ray(ray), hit);
-        m_counters.closest += counters;
+        m_counters.add<false>(counters);
         return locate(hit);
     }
 
     bool any(const Ray3f &ray) const override {
-        if (!m_count)
+        if (!counts())
             return m_tree->any(to_ray(ray));
         bsp::Counters counters;
         const bool found = m_tree->count_any(to_ray(ray), counters);
         if (m_recorder)
             m_recorder->write_any(to_ray(ray), found);
-        m_counters.any += counters;
+        m_counters.add<true>(counters);
         return found;
     }
 
@@ -144,6 +144,8 @@ private:
         }
         return building.get();
     }
+
+    bool counts() const { return m_count || CostWatch::is_on(); }
 
     static std::string read_path(const Properties &props, const std::string &name) {
         return props.has_property(name) ? read_text(props, name) : "";

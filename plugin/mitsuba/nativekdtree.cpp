@@ -161,12 +161,13 @@ private:
     template <bool any_hit> Intersection trace(const Ray3f &ray) const {
         if (!m_tree->ready())
             return {};
-        if (!m_count && !m_check)
+        const bool counts = m_count || CostWatch::is_on();
+        if (!counts && !m_check)
             return m_tree->template ray_intersect_scalar<any_hit>(ray);
         bsp::Counters counters;
-        const Intersection found = m_count ? m_tree->template count<any_hit>(ray, counters)
-                                           : m_tree->template ray_intersect_scalar<any_hit>(ray);
-        (any_hit ? m_counters.any : m_counters.closest) += counters;
+        const Intersection found = counts ? m_tree->template count<any_hit>(ray, counters)
+                                          : m_tree->template ray_intersect_scalar<any_hit>(ray);
+        m_counters.add<any_hit>(counters);
         if (m_check)
             note_difference<any_hit>(found, m_tree->template test_all<any_hit>(ray));
         return found;

@@ -1,10 +1,10 @@
 /// Counters that many rendering threads add to, and their JSON.
 #pragma once
 
-#include "../core/ray.h"
-
 #include <atomic>
 #include <ostream>
+
+#include "ray_costs.h"
 
 namespace mitsuba {
 
@@ -30,6 +30,13 @@ inline std::ostream &operator<<(std::ostream &os, const SharedCounters &c) {
 /// The counters of closest-hit and of any-hit rays.
 struct RayCounters {
     SharedCounters closest, any;
+
+    /// Also to those of the thread.
+    template <bool any_hit> void add(const bsp::Counters &counters) {
+        RayCosts &costs = CostWatch::costs();
+        (any_hit ? any : closest) += counters;
+        (any_hit ? costs.any : costs.closest) += counters;
+    }
 };
 
 inline std::ostream &operator<<(std::ostream &os, const RayCounters &c) {

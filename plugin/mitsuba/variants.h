@@ -29,7 +29,7 @@ void register_scalar_plugin(std::string_view name, PluginRegisterFn register_plu
             make = [](void *, const Properties &props) -> ref<Object> { return new Spectral(props); };
         else if (variant == Polarized::Variant)
             make = [](void *, const Properties &props) -> ref<Object> { return new Polarized(props); };
-        register_plugin(name, variant, ObjectType::Shape, make);
+        register_plugin(name, variant, Rgb::Type, make);
     }
 }
 

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from .comparison import Options, SceneInfo
 from .records import Record, ResultsFolder, append, read_lines, rewrite
+from .scene_content import Content
 from .spec import parse_spec
 
 AnyOptions = TypeVar("AnyOptions", bound=Options)
@@ -60,7 +61,10 @@ def options_of(line: Record, kind: type[AnyOptions], folder: ResultsFolder) -> A
 
 def scenes_of(line: Record) -> list[SceneInfo]:
     """The scenes; where their files are is not known any more."""
-    return [SceneInfo(path=Path(scene["name"]), **scene) for scene in line["scenes"]]
+    return [
+        SceneInfo(**{**scene, "path": Path(scene["name"]), "content": Content(**scene["content"])})
+        for scene in line["scenes"]
+    ]
 
 
 def _frozen(value: object) -> object:

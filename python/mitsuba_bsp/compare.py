@@ -14,10 +14,9 @@ from typing import Any
 
 from .asked import begin
 from .attempts import Attempts
-from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
+from .comparison import SEED, Failure, Listener, Options, SceneInfo, context, image_header
 from .differences import Differences
 from .jobs import Job, JobResult, Kind
-from .machine import describe
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
 from .spec import Spec
@@ -41,13 +40,6 @@ class _Run:
         return self.attempts.run(scene, spec.text, self.job(scene, spec, kind), label)
 
     def job(self, scene: SceneInfo, spec: Spec, kind: Kind) -> Job:
-        header = {
-            "scene": scene.name,
-            "scene_hash": scene.scene_hash,
-            "spec": spec.text,
-            "spec_full": spec.full,
-            **{f"version_{key}": value for key, value in describe().items()},
-        }
         image = str(self.folder.image(scene.name, spec.text)) if kind == "count" else ""
         return Job(
             kind=kind,
@@ -60,7 +52,7 @@ class _Run:
             seed=SEED,
             threads=self.options.threads,
             image=image,
-            header=header if image else {},
+            header=image_header(scene, spec) if image else {},
             cache=str(self.options.cache or ""),
         )
 

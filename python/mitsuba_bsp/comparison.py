@@ -114,3 +114,14 @@ def context(options: Options, scene: SceneInfo) -> Record:
         "cache": options.cache is not None,
         **describe(),
     }
+
+
+def image_header(scene: SceneInfo, spec: Spec) -> dict[str, str]:
+    """What an image says about how it was made, besides what the worker that renders it knows."""
+    return {
+        "scene": scene.name,
+        "scene_hash": scene.scene_hash,
+        "spec": spec.text,
+        "spec_full": spec.full,
+        **{f"version_{key}": value for key, value in describe().items()},
+    }

@@ -42,9 +42,9 @@ class Job:
     `frames` times rendering under each of `specs`, on one thread with recorded answers too, which are in the file
     `streams` for a moment.
     `build` measures building alone; `grow` likewise, of a tree over its meshes tessellated to `triangles`.
-    `work` counts what the rays in `streams` cost under `spec`; `planes`, `normals` and `slice` look at the tree itself:
-    see the modules of these names in `studies`. What they find besides numbers goes into the file `arrays`; `choices`
-    are the options of the study.
+    `work` counts what the rays of a frame cost under `spec`; `planes`, `normals` and `slice` look at the tree itself:
+    see the modules of these names in `studies`. What the latter find besides numbers goes into the file `arrays`;
+    `choices` are the options of the study.
     `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
     `cache` is the folder in which trees are kept, if any.
     """

@@ -19,7 +19,7 @@ from .figures import save_figure
 from .growth_plot import growth_figure
 from .records import ResultsFolder, machines, read_lines
 from .replays import RayOptions, newest_replay
-from .studies import STUDIES
+from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions
 from .text_table import TextTable, text_markdown
 
@@ -73,7 +73,7 @@ def outcomes(folder: ResultsFolder) -> list[Outcome]:
             f"{folder.path} has records, but no {folder.asked_file.name}, which says what was measured: run the "
             f"command again with --out {folder.path} to have it written"
         )
-    if lines and str(lines[-1]["command"]).startswith("study "):
+    if lines and str(lines[-1]["command"]) in _STUDIES:
         lines = lines[-1:]  # the records of a study belong together, whenever they were asked for
     return [
         Outcome(options_of(line, _kind(str(line["command"])).options, folder), scenes_of(line), one)
@@ -118,11 +118,11 @@ class _Kind:
 
 
 def _kind(command: str) -> _Kind:
-    return _KINDS["study" if command.startswith("study ") else command]
+    return _KINDS["study" if command in _STUDIES else command]
 
 
 def _study(outcome: Outcome) -> Study:
-    return STUDIES[outcome.command.removeprefix("study ")]
+    return _STUDIES[outcome.command]
 
 
 def _plain(title: str, legend: str, tables: Callable[..., list[TextTable]], options: type[Options]) -> _Kind:
@@ -151,6 +151,12 @@ def _prices(found: Outcome) -> list[TextTable]:
     fitted = calibration.fit(calibration.measurements(rows), layout) if rows else None
     return calibration.calibration_tables(fitted) if fitted else []
 
+
+#: By command.
+_STUDIES: Mapping[str, Study] = {
+    **{f"study {name}": study for name, study in STUDIES.items()},
+    heatmap.STUDY.name: heatmap.STUDY,
+}
 
 _KINDS: Mapping[str, _Kind] = {
     "compare": _plain("Comparison", compare_table.LEGEND, compare_table.make_tables, Options),

@@ -12,23 +12,54 @@ from collections.abc import Iterator
 
 import mitsuba as mi
 
+from .messages import choices
+
 #: Mitsuba's own block size wherever the image has enough blocks for all threads.
 BLOCK_SIZE = 32
 
 #: The integrators that render in blocks and know `block_size`.
-_BLOCK_INTEGRATORS = ("aov", "depth", "direct", "moment", "path", "stokes", "volpath", "volpathmis")
+_BLOCK_INTEGRATORS = ("aov", "depth", "direct", "moment", "path", "raycost", "stokes", "volpath", "volpathmis")
+
+#: Our integrator that says what the rays of another cost.
+RAY_COST = "raycost"
+
+#: Settings of a scene's integrator that decide how its image is divided among threads.
+_BLOCK_SETTINGS = ("block_size", "samples_per_pass", "timeout")
 
 
 def fix_block_size(state: mi.parser.ParserState) -> bool:
     """Give the scene's integrator a fixed block size; False if it has no such setting."""
-    for child in _references(state.nodes[0].props):
-        node = state.nodes[child]
-        if node.type == mi.ObjectType.Integrator:
-            if node.props.plugin_name() not in _BLOCK_INTEGRATORS:
-                return False
-            if "block_size" not in node.props:
-                node.props["block_size"] = BLOCK_SIZE
+    for child in _integrators(state):
+        props = state.nodes[child].props
+        if props.plugin_name() not in _BLOCK_INTEGRATORS:
+            return False
+        if "block_size" not in props:
+            props["block_size"] = BLOCK_SIZE
     return True
+
+
+def watch_costs(state: mi.parser.ParserState) -> None:
+    """Put the scene's integrator into one that also says, pixel by pixel, what its rays cost.
+
+    ValueError if its rays belong to no pixel.
+    """
+    for child in _integrators(state):
+        inner = mi.parser.SceneNode(state.nodes[child])
+        name = inner.props.plugin_name()
+        if name == RAY_COST:
+            continue
+        if name not in _BLOCK_INTEGRATORS:
+            raise ValueError(
+                f'the integrator "{name}" traces its rays for the whole image, so no pixel has a cost: '
+                f"those of {choices(_BLOCK_INTEGRATORS)} do"
+            )
+        outer = mi.Properties(RAY_COST)
+        for key in _BLOCK_SETTINGS:
+            if key in inner.props:
+                outer[key] = inner.props[key]
+        outer["integrator"] = mi.Properties.ResolvedReference(len(state.nodes))
+        state.nodes[child].props = outer
+        state.nodes.append(inner)
 
 
 def use_box_filter(state: mi.parser.ParserState) -> None:
@@ -84,6 +115,12 @@ def _films(state: mi.parser.ParserState) -> list[int]:
             node.props["film"] = mi.Properties.ResolvedReference(len(state.nodes))
             _append(state, index, mi.ObjectType.Film, "hdrfilm")
     return [index for index in range(len(state.nodes)) if state.nodes[index].type == mi.ObjectType.Film]
+
+
+def _integrators(state: mi.parser.ParserState) -> list[int]:
+    """Indices of the scene's own integrators, of which there should be one."""
+    children = list(_references(state.nodes[0].props))
+    return [child for child in children if state.nodes[child].type == mi.ObjectType.Integrator]
 
 
 def _references(props: mi.Properties) -> Iterator[int]:

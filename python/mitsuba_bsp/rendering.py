@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
 
+from .exr import write_exr
 from .jobs import Job
 from .loading import LoadedScene, open_file
-from .render_setup import fix_block_size, set_resolution, use_box_filter
+from .machine import c_library
+from .render_setup import filter_name, fix_block_size, set_resolution, use_box_filter, watch_costs
 from .spec import parse_spec
 from .streams import check_recording
 from .swap import GroupOptions
@@ -42,14 +44,19 @@ class Frame:
         return hashlib.sha256(np.ascontiguousarray(self.pixels)).hexdigest()
 
 
-def load(job: Job, stage: Stage, box: bool = False) -> LoadedScene:
-    """Make the scene's objects, with the film and integrator that the job asks for, if `box` with the box filter."""
+def load(job: Job, stage: Stage, box: bool = False, costs: bool = False) -> LoadedScene:
+    """Make the scene's objects, with the film and integrator that the job asks for.
+
+    `box`: with the box filter. `costs`: every pixel also says what its rays cost.
+    """
 
     def edit(state: mi.parser.ParserState) -> None:
         if job.resolution:
             set_resolution(state, job.resolution)
         if box:
             use_box_filter(state)
+        if costs:
+            watch_costs(state)
         fix_block_size(state)
 
     stage(f"loading {job.scene}")
@@ -98,3 +105,25 @@ def record_frame(job: Job, loaded: LoadedScene, file: Path, stage: Stage) -> tup
     if not asked:
         raise ValueError(f"rendering {job.scene} sent no ray to its triangle meshes, so there is nothing to measure")
     return scene, frame
+
+
+def provenance(job: Job, scene: mi.Scene) -> dict[str, str]:
+    """The header of an image: what the job says, and what decides which paths were traced."""
+    return {
+        **job.header,
+        "variant": job.variant,
+        "spp": str(scene.sensors()[0].sampler().sample_count()),  # a sampler may have rounded it up
+        "seed": str(job.seed),
+        "filter": filter_name(scene),
+        "version_libc": c_library(),
+    }
+
+
+def write_image(path: Path, scene: mi.Scene, pixels: np.ndarray, header: Mapping[str, str]) -> None:
+    """Write an EXR or (tone-mapped to sRGB) PNG file, by the suffix of `path`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".png":
+        shown = np.ascontiguousarray(pixels[..., : 3 if pixels.shape[2] >= 3 else 1])
+        mi.util.write_bitmap(str(path), shown, write_async=False)
+    else:
+        write_exr(path, pixels, scene.integrator().aov_names(), header)

@@ -1,8 +1,7 @@
 """Streams of real rays: those that one rendered frame asked a tree about, sorted by kind, hashed, kept in a file.
 
 A camera ray is a closest-hit query that starts on the sensor's near plane, behind its lens; any-hit queries are shadow
-rays; all other queries are bounce rays. They stay in the order in which the renderer asked. On one thread a camera ray
-is followed by all other rays of its path, so that every ray has a pixel.
+rays; all other queries are bounce rays. They stay in the order in which the renderer asked.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ RECORDED = np.dtype(
 )  # fmt: skip
 
 #: What a file has of each stream.
-_PARTS = ("origins", "directions", "maxt", "pixels", "total")
+_PARTS = ("origins", "directions", "maxt", "total")
 
 #: The seed of the choice of rays where there are too many.
 SAMPLE_SEED = 0
@@ -38,16 +37,12 @@ _TOLERANCE = 2.0**-18
 
 @dataclass(frozen=True)
 class Stream:
-    """Rays of one kind, float32 (n, 3), (n, 3), (n,); `total` were recorded, of which these are a sample.
-
-    `pixels` (n,) are those whose paths the rays are part of, counted row by row, if all were recorded on one thread.
-    """
+    """Rays of one kind, float32 (n, 3), (n, 3), (n,); `total` were recorded, of which these are a sample."""
 
     kind: str
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]
     maxt: NDArray[np.float32]
-    pixels: NDArray[np.int32]
     total: int
 
     @property
@@ -87,12 +82,8 @@ def split(rays: NDArray[np.void], sensor: mi.Sensor, max_rays: int) -> list[Stre
     """The recorded rays by kind; of more than `max_rays` of a kind a random sample, always the same."""
     shadow = rays["any_hit"] != 0
     camera = ~shadow & from_sensor(rays["o"], rays["d"], sensor)
-    pixels = np.full(len(rays), -1, np.int32)  # of no pixel are rays before the first that is known to be a camera's
-    if camera.any():
-        pixels[camera] = pixels_of(rays["o"][camera], rays["d"][camera], sensor)
-        pixels = pixels[np.maximum.accumulate(np.where(camera, np.arange(len(rays)), 0))]
     return [
-        _sample(kind, rays[chosen], pixels[chosen], max_rays)
+        _sample(kind, rays[chosen], max_rays)
         for kind, chosen in zip(KINDS, (camera, shadow, ~shadow & ~camera), strict=True)
     ]
 
@@ -104,7 +95,8 @@ def from_sensor(origins: NDArray[np.float32], directions: NDArray[np.float32], s
     lens = float(params["aperture_radius"]) if "aperture_radius" in params else 0.0
     to_world = np.array(sensor.world_transform().matrix, np.float64)
     to_local = np.linalg.inv(to_world)
-    o, d = _transformed(origins, directions, to_local)
+    o = origins @ to_local[:3, :3].T + to_local[:3, 3]
+    d = directions @ to_local[:3, :3].T
     tolerance = _TOLERANCE * (np.abs(to_world[:3, 3]).max() + near + lens) * np.abs(to_local[:3, :3]).max()
     on_plane = np.abs(o[:, 2] - near) <= tolerance
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -112,37 +104,6 @@ def from_sensor(origins: NDArray[np.float32], directions: NDArray[np.float32], s
     if "orthographic" in sensor.class_name().lower():
         return on_plane & (np.abs(d[:, :2]).max(axis=1) <= _TOLERANCE)
     return on_plane & (np.hypot(*at_lens.T) <= lens + 4 * tolerance)
-
-
-def pixels_of(origins: NDArray[np.float32], directions: NDArray[np.float32], sensor: mi.Sensor) -> NDArray[np.int32]:
-    """The pixel of the sensor's crop window that each of its rays is for, counted row by row.
-
-    A perspective, thin-lens or orthographic sensor maps its film affinely to the plane that it is focused on; three of
-    its own rays tell how.
-    """
-    to_local = np.linalg.inv(np.array(sensor.world_transform().matrix, np.float64))
-    params = mi.traverse(sensor)
-    focus = float(params["focus_distance"]) if "focus_distance" in params else 1.0
-
-    def on_focal_plane(o: NDArray[np.float64], d: NDArray[np.float64]) -> NDArray[np.float64]:
-        o, d = _transformed(o, d, to_local)
-        return (o + d * ((focus - o[:, 2]) / d[:, 2])[:, None])[:, :2]
-
-    corners = [
-        sensor.sample_ray(0, 0.5, mi.Point2f(*corner), mi.Point2f(0.5))[0] for corner in ((0, 0), (1, 0), (0, 1))
-    ]
-    first, right, down = on_focal_plane(*(np.array([getattr(ray, part) for ray in corners], float) for part in "od"))
-    across = np.stack([right - first, down - first], axis=1)
-    film = np.linalg.solve(across, (on_focal_plane(origins, directions) - first).T)
-    width, height = sensor.film().crop_size()
-    x, y = (np.clip(np.floor(side * part), 0, side - 1) for side, part in zip((width, height), film, strict=True))
-    return (y * width + x).astype(np.int32)
-
-
-def _transformed(
-    origins: NDArray[np.floating], directions: NDArray[np.floating], matrix: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return origins @ matrix[:3, :3].T + matrix[:3, 3], directions @ matrix[:3, :3].T
 
 
 def save(path: Path, streams: list[Stream], origin: Mapping[str, Any]) -> None:
@@ -167,13 +128,6 @@ def load(path: Path) -> list[Stream]:
     return streams
 
 
-def recorded_resolution(path: Path) -> tuple[int, int]:
-    """Width and height of the frame whose rays a file holds."""
-    with np.load(path) as arrays:
-        width, height = json.loads(str(arrays["origin"]))["resolution"]
-    return width, height
-
-
 def is_recorded(path: Path, origin: Mapping[str, Any]) -> bool:
     """Whether the file holds streams made exactly so."""
     if not path.is_file():
@@ -187,12 +141,12 @@ def _digests(streams: list[Stream]) -> dict[str, str]:
     return {stream.kind: stream.sha256() for stream in streams}
 
 
-def _sample(kind: str, rays: NDArray[np.void], pixels: NDArray[np.int32], max_rays: int) -> Stream:
+def _sample(kind: str, rays: NDArray[np.void], max_rays: int) -> Stream:
     total = len(rays)
     if total > max_rays:
         chosen = np.sort(np.random.default_rng(SAMPLE_SEED).choice(total, max_rays, replace=False, shuffle=False))
-        rays, pixels = rays[chosen], pixels[chosen]
-    return Stream(kind, *map(np.ascontiguousarray, (rays["o"], rays["d"], rays["maxt"], pixels)), total)
+        rays = rays[chosen]
+    return Stream(kind, *map(np.ascontiguousarray, (rays["o"], rays["d"], rays["maxt"])), total)
 
 
 def in_use(streams: list[Stream]) -> Iterator[Stream]:

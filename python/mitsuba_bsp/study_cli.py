@@ -1,4 +1,4 @@
-"""The commands of the group `mitsuba-bsp study`, one a study."""
+"""The commands of the group `mitsuba-bsp study`, one a study, and `mitsuba-bsp heatmap`, which works as they do."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .bench_cli import add_scene_options, run_with_bar, show
 from .records import ResultsFolder
-from .studies import STUDIES
+from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions, run_study, specs_of
 from .terminal import add_threads_option, chosen_scenes, positive
 
@@ -20,38 +20,44 @@ RESOLUTION, SPP = 256, 4
 
 
 def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the group."""
+    """Add the group and the command."""
     group = commands.add_parser("study", help="the studies of the thesis, completed: records, tables and figures")
     names = group.add_subparsers(title="studies", required=True, metavar="NAME")
     for study in STUDIES.values():
-        sub = names.add_parser(study.name, help=study.help, description=study.legend)
-        own = sub.add_argument_group("what is studied")
-        chosen = study.add_options(own)
-        if study.repeated:
-            own.add_argument(
-                "--repeats",
-                type=positive,
-                default=study.repeats,
-                metavar="N",
-                help=f"{study.repeated}, {study.least_repeats} or more, default: %(default)s",
-            )
-        add_scene_options(sub)
-        sub.add_argument("--spp", type=positive, default=SPP, metavar="N", help="samples per pixel, %(default)s")
-        sub.add_argument(
-            "--resolution", type=positive, default=RESOLUTION, metavar="N", help="longer side, default: %(default)s"
+        _add_study(names, study, f"study {study.name}")
+    _add_study(commands, heatmap.STUDY, heatmap.STUDY.name)
+
+
+def _add_study(commands: argparse._SubParsersAction[argparse.ArgumentParser], study: Study, command: str) -> None:
+    """Add the command of one study."""
+    sub = commands.add_parser(study.name, help=study.help, description=study.legend)
+    own = sub.add_argument_group("what is studied")
+    chosen = study.add_options(own)
+    if study.repeated:
+        own.add_argument(
+            "--repeats",
+            type=positive,
+            default=study.repeats,
+            metavar="N",
+            help=f"{study.repeated}, {study.least_repeats} or more, default: %(default)s",
         )
-        add_threads_option(sub)
-        sub.set_defaults(run=partial(_study, study, chosen), repeats=study.repeats)
+    add_scene_options(sub)
+    sub.add_argument("--spp", type=positive, default=SPP, metavar="N", help="samples per pixel, %(default)s")
+    sub.add_argument(
+        "--resolution", type=positive, default=RESOLUTION, metavar="N", help="longer side, default: %(default)s"
+    )
+    add_threads_option(sub)
+    sub.set_defaults(run=partial(_study, study, chosen, command), repeats=study.repeats)
 
 
-def _study(study: Study, chosen: Sequence[str], args: argparse.Namespace) -> int:
-    """`mitsuba-bsp study NAME`."""
+def _study(study: Study, chosen: Sequence[str], command: str, args: argparse.Namespace) -> int:
+    """`mitsuba-bsp study NAME` or `mitsuba-bsp heatmap`."""
     if args.repeats < study.least_repeats:
         raise ValueError(f"--repeats is {args.repeats}, but {study.name} needs at least {study.least_repeats}")
     options = StudyOptions(
         scenes=chosen_scenes(args.scenes),
         specs=(),
-        out=args.out or Path("results", f"study-{study.name}-{datetime.now():%Y%m%d-%H%M%S}"),
+        out=args.out or Path("results", f"{command.replace(' ', '-')}-{datetime.now():%Y%m%d-%H%M%S}"),
         variant=args.variant,
         threads=args.threads,
         params=dict(args.params),
@@ -59,7 +65,7 @@ def _study(study: Study, chosen: Sequence[str], args: argparse.Namespace) -> int
         resolution=args.resolution,
         repeats=args.repeats,
         choices={name: getattr(args, name) for name in chosen},
-        command=f"study {study.name}",
+        command=command,
     )
     options = replace(options, specs=specs_of(study.plan(options)))
     bar, status = run_with_bar(options, partial(run_study, study))

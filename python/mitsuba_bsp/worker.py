@@ -9,7 +9,7 @@ import json
 import re
 import resource
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,15 +19,13 @@ import mitsuba as mi
 import numpy as np
 
 from .build_jobs import build, grow
-from .exr import write_exr
 from .frame_jobs import time_frames
 from .jobs import Job
 from .loading import open_file, parsed_file
-from .machine import c_library
 from .messages import one_sentence
 from .ray_jobs import record, replay
-from .render_setup import filter_name, fix_block_size, has_box_filter, set_resolution
-from .rendering import Stage, construct, load, render, samples
+from .render_setup import fix_block_size, has_box_filter, set_resolution
+from .rendering import Stage, construct, load, provenance, render, samples, write_image
 from .scene_hash import referenced_file, scene_hash
 from .studies import normals, planes, work
 from .studies import slice as cross_section
@@ -139,8 +137,8 @@ def _render_once(job: Job, stage: Stage) -> dict[str, Any]:
     scene, build_s = construct(job, loaded, stage)
     frame = render(job, scene, stage, samples(job, scene))
     stage(f"writing {job.image}")
-    header = {**_provenance(job, scene), "scene_hash": scene_hash(job.scene, job.params)}
-    _write_image(Path(job.image), scene, frame.pixels, header)
+    header = {**provenance(job, scene), "scene_hash": scene_hash(job.scene, job.params)}
+    write_image(Path(job.image), scene, frame.pixels, header)
     return {
         "build_s": build_s,
         "render_s": frame.wall_s,
@@ -174,30 +172,8 @@ def _shape_index(props: mi.Properties) -> dict[str, int]:
 def _write_images(job: Job, scene: mi.Scene, pixels: np.ndarray) -> None:
     """The EXR file of a comparison and its PNG preview."""
     path = Path(job.image)
-    _write_image(path, scene, pixels, _provenance(job, scene))
-    _write_image(path.with_suffix(".png"), scene, pixels, {})
-
-
-def _provenance(job: Job, scene: mi.Scene) -> dict[str, str]:
-    """The header of an image: what the job says, and what decides which paths were traced."""
-    return {
-        **job.header,
-        "variant": job.variant,
-        "spp": str(scene.sensors()[0].sampler().sample_count()),  # a sampler may have rounded it up
-        "seed": str(job.seed),
-        "filter": filter_name(scene),
-        "version_libc": c_library(),
-    }
-
-
-def _write_image(path: Path, scene: mi.Scene, pixels: np.ndarray, header: Mapping[str, str]) -> None:
-    """Write an EXR or (tone-mapped to sRGB) PNG file, by the suffix of `path`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix == ".png":
-        shown = np.ascontiguousarray(pixels[..., : 3 if pixels.shape[2] >= 3 else 1])
-        mi.util.write_bitmap(str(path), shown, write_async=False)
-    else:
-        write_exr(path, pixels, scene.integrator().aov_names(), header)
+    write_image(path, scene, pixels, provenance(job, scene))
+    write_image(path.with_suffix(".png"), scene, pixels, {})
 
 
 _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {

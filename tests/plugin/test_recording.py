@@ -14,7 +14,7 @@ import pytest
 import mitsuba_bsp
 from mitsuba_bsp.contenders import COUNTERS, build, differences, triangles_of
 from mitsuba_bsp.spec import parse_spec
-from mitsuba_bsp.streams import KINDS, Stream, check_recording, from_sensor, pixels_of, read_recording, split
+from mitsuba_bsp.streams import KINDS, Stream, check_recording, read_recording, split
 
 from .plugin_scenes import ball, facing_down, group, view
 
@@ -88,28 +88,9 @@ def test_camera_rays_are_those_of_the_sensor(tmp_path: Path, sensor: dict[str, A
     made, rays = record(scene, tmp_path / "rays")
     streams = {stream.kind: stream for stream in split(rays, made.sensors()[0], 10**9)}
     assert len(streams["camera"]) == RESOLUTION * RESOLUTION * SPP
-    assert (np.bincount(streams["camera"].pixels) == SPP).sum() >= 0.99 * RESOLUTION**2  # rays on borders may stray
     assert len(streams["shadow"]) == (rays["any_hit"] != 0).sum() > 1000
     assert len(streams["bounce"]) > 1000
     assert sum(map(len, streams.values())) == len(rays)
-
-
-def test_every_ray_has_the_pixel_of_its_path(tmp_path: Path) -> None:
-    threads = dr.thread_count()
-    dr.set_thread_count(1)
-    try:
-        made, rays = record(lit_room(), tmp_path / "rays")
-    finally:
-        dr.set_thread_count(threads)
-    streams = {stream.kind: stream for stream in split(rays, made.sensors()[0], 10**9)}
-    shadow = rays["any_hit"] != 0
-    after_camera = np.flatnonzero(shadow[1:] & from_sensor(rays["o"], rays["d"], made.sensors()[0])[:-1]) + 1
-    assert len(after_camera) > 1000
-    seen = rays["o"][after_camera]  # where camera rays hit; those after them start there
-    found = streams["shadow"].pixels[np.cumsum(shadow)[after_camera] - 1]
-    eye = np.broadcast_to(np.array(made.sensors()[0].world_transform().matrix)[:3, 3], seen.shape)
-    assert (pixels_of(eye, seen - eye, made.sensors()[0]) == found).mean() > 0.99
-    assert set(streams["bounce"].pixels) <= set(range(RESOLUTION**2))
 
 
 def test_a_sample_is_always_the_same_and_in_order(tmp_path: Path) -> None:
@@ -160,7 +141,7 @@ def test_a_scene_that_records_can_be_loaded_under_another_accelerator(tmp_path: 
 
 def test_kinds_are_complete() -> None:
     empty = np.zeros((0, 3), np.float32)
-    assert [Stream(kind, empty, empty, empty[:, 0], np.zeros(0, np.int32), 0).any_hit for kind in KINDS] == [
+    assert [Stream(kind, empty, empty, empty[:, 0], 0).any_hit for kind in KINDS] == [
         False,
         True,
         False,

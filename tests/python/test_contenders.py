@@ -30,7 +30,7 @@ def rays(kind: str, count: int = 20_000) -> Stream:
     origins = rng.uniform(-3, 3, (count, 3)).astype(np.float32)
     directions = (rng.uniform(-1, 1, (count, 3)) - origins).astype(np.float32)
     maxt = rng.uniform(0.2, 1, count) if kind == "shadow" else np.full(count, np.inf)
-    return Stream(kind, origins, directions, maxt.astype(np.float32), np.zeros(count, np.int32), count)
+    return Stream(kind, origins, directions, maxt.astype(np.float32), count)
 
 
 @pytest.mark.parametrize("spec", INCUMBENTS)

@@ -70,7 +70,7 @@ def test_one_thread_reads_exr_files(tmp_path: Path) -> None:
     def give_up(_: str) -> None:
         assert time.monotonic() - started < 60, "it hangs"
 
-    assert run_job(Job("inspect", str(path), "scalar_rgb", threads=1), give_up).values["triangles"] == 12
+    assert run_job(Job("inspect", str(path), "scalar_rgb", threads=1), give_up).values["content"]["triangles"] == 12
 
 
 @pytest.mark.parametrize(

@@ -5,23 +5,24 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from mitsuba_bsp.contenders import COUNTERS, build, triangles_of
+import mitsuba_bsp
+from mitsuba_bsp.contenders import COUNTERS
+from mitsuba_bsp.exr import read_exr
 from mitsuba_bsp.jobs import Job
-from mitsuba_bsp.loading import open_file
-from mitsuba_bsp.ray_jobs import record
+from mitsuba_bsp.rendering import construct, load
 from mitsuba_bsp.spec import parse_spec
-from mitsuba_bsp.streams import KINDS, Stream, load
 from mitsuba_bsp.studies import normals, planes, work
 from mitsuba_bsp.studies import slice as cross_section
+from mitsuba_bsp.swap import GroupOptions
 from mitsuba_bsp.verification.audit import neutral_tree
 from mitsuba_bsp.verification.meshes import Mesh, boxes, soup, sphere
 
 RESOLUTION, SPP = 12, 3
-ALONG = {"camera": 0, "shadow": 1, "bounce": 2}
 
 
 @pytest.fixture(scope="module")
@@ -33,86 +34,54 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def streams(scene: Path) -> Path:
-    """The rays of one frame of the room."""
-    import drjit as dr
-    import mitsuba as mi
-
-    mi.set_variant("scalar_rgb")
-    threads = dr.thread_count()
-    dr.set_thread_count(1)
-    file = scene.with_name("streams.npz")
-    try:
-        origin = {"resolution": [RESOLUTION, RESOLUTION]}
-        sizes = {"spp": SPP, "resolution": RESOLUTION, "max_rays": 10**9}
-        record(Job("record", str(scene), "scalar_rgb", streams=str(file), header=origin, **sizes), print)
-    finally:
-        dr.set_thread_count(threads)
-    return file
-
-
 class TestWork:
     """The rays of a frame under one accelerator."""
 
-    def job(self, scene: Path, streams: Path, spec: str, **choices: object) -> Job:
-        arrays = str(scene.with_name("arrays") / f"{spec.partition(':')[0]}.npz")
-        return Job("work", str(scene), "scalar_rgb", spec, streams=str(streams), arrays=arrays, choices=choices)
+    def job(self, scene: Path, spec: str, image: str = "") -> Job:
+        sizes = {"spp": SPP, "resolution": RESOLUTION, "seed": 1}
+        return Job("work", str(scene), "scalar_rgb", spec, image=image, **sizes)
 
-    @pytest.mark.parametrize("spec", ["kd", "normals:layout=binary,intersection_cost=1", "native"])
-    def test_counters_are_those_of_the_accelerator(self, scene: Path, streams: Path, spec: str) -> None:
-        found = work.measure(self.job(scene, streams, spec), lambda _: None)
-        contender = build(parse_spec(spec), triangles_of(open_file(scene).meshes))
-        for stream in load(streams):
-            assert found["counters"][stream.kind] == {"rays": len(stream), **contender.count(stream)}
-        assert bool(found["statistics"]) == (spec != "native")
+    @pytest.mark.parametrize("spec", ["kd", "normals:layout=binary,intersection_cost=1"])
+    def test_counters_are_those_of_the_frame(self, scene: Path, spec: str) -> None:
+        found = work.measure(self.job(scene, spec), lambda _: None)
+        loaded = load(self.job(scene, spec), lambda _: None, box=True)
+        counting, _ = construct(self.job(scene, spec), loaded, lambda _: None, GroupOptions(count=True))
+        mi.render(counting, spp=SPP, seed=1)
+        counted = mitsuba_bsp.statistics(counting)["counters"]
+        kinds = found["counters"]
+        assert kinds["camera"]["rays"] == SPP * RESOLUTION**2
+        assert kinds["shadow"] == counted["any"]
+        assert {name: kinds["camera"][name] + kinds["bounce"][name] for name in counted["closest"]} == counted[
+            "closest"
+        ]
+        assert found["statistics"]["triangles"] == 30
         assert json.dumps(found)
 
-    def test_the_cost_of_all_pixels_is_that_of_all_rays(self, scene: Path, streams: Path) -> None:
-        spec = parse_spec("normals:layout=binary,intersection_cost=1")
-        found = work.measure(self.job(scene, streams, spec.text, keep_pixels=True), lambda _: None)
+    def test_mitsubas_kd_tree_counts_too(self, scene: Path) -> None:
+        found = work.measure(self.job(scene, "native"), lambda _: None)
+        assert found["counters"]["camera"]["rays"] == SPP * RESOLUTION**2 and found["statistics"] == {}
+        assert found["counters"]["shadow"]["triangle_tests"] > 0
+
+    def test_the_cost_of_all_pixels_is_that_of_all_rays(self, scene: Path, tmp_path: Path) -> None:
+        spec = "normals:layout=binary,intersection_cost=1"
+        found = work.measure(self.job(scene, spec, str(tmp_path / "work.exr")), lambda _: None)
         prices = parse_spec("normals:layout=binary").settings
         total = 0.0
         for counted in found["counters"].values():
             total += counted["axis_steps"] + prices["oblique_cost"] * counted["oblique_steps"]
             total += prices["intersection_cost"] * counted["triangle_tests"]
-        assert total / SPP / RESOLUTION**2 == pytest.approx(found["pixels"]["path"]["mean"], rel=1e-4)
-        with np.load(scene.with_name("arrays") / "normals.npz") as kept:
-            assert kept["path"].shape == kept["camera"].shape == (RESOLUTION, RESOLUTION)
-            assert (kept["path"] >= kept["camera"]).all() and kept["camera"].max() > 0
-            assert float(np.quantile(kept["path"], 0.99)) == pytest.approx(found["pixels"]["path"]["quantiles"][99])
-
-    def test_pixels_are_where_the_camera_sees_them(self) -> None:
-        """Two pixels, of which the second has a shadow ray and two samples."""
-        zero = np.zeros((3, 3), np.float32)
-        camera = Stream("camera", zero, zero, zero[:, 0], np.array([0, 1, 1], np.int32), 3)
-        shadow = Stream("shadow", zero[:1], zero[:1], zero[:1, 0], np.array([1], np.int32), 1)
-        counted = {name: np.zeros(3, np.uint64) for name in COUNTERS}
-        found = {
-            "camera": counted | {"axis_steps": np.array([5, 1, 3], np.uint64)},
-            "shadow": {name: values[:1] for name, values in counted.items()} | {"triangle_tests": np.array([8])},
-        }
-        costs = work.pixel_costs(parse_spec("kd:layout=binary"), [camera, shadow], found, (2, 1))
-        test = parse_spec("kd:layout=binary").settings["intersection_cost"]
-        assert costs["camera"].tolist() == [[5, 2]]
-        assert costs["path"] == pytest.approx(np.array([[5, 2 + 8 * test / 2]]))
+        assert total / SPP / RESOLUTION**2 == pytest.approx(found["pixels"]["cost"]["path"]["mean"], rel=1e-4)
+        costs = work.pixel_quantities(parse_spec(spec), work.read_counters(read_exr(tmp_path / "work.exr")))["cost"]
+        assert costs["path"].shape == costs["camera"].shape == (RESOLUTION, RESOLUTION)
+        assert (costs["path"] >= costs["camera"]).all() and costs["camera"].max() > 0
+        p99 = float(np.quantile(costs["path"], 0.99))
+        assert p99 == pytest.approx(found["pixels"]["cost"]["path"]["quantiles"][99], rel=1e-4)
 
     def test_a_wide_step_passes_three_planes(self) -> None:
-        one = Stream("camera", *np.zeros((2, 1, 3), np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32), 1)
-        counted = {name: np.zeros(1) for name in COUNTERS} | {"axis_steps": np.ones(1)}
-        assert work.pixel_costs(parse_spec("kd"), [one], {"camera": counted}, (1, 1))["camera"] == 3
-
-    @pytest.mark.parametrize(
-        ("kind", "pixel", "total", "sentence"),
-        [("camera", 0, 9, "of 9 camera rays only 1 are known"), ("bounce", 0, 1, "the rays of the camera were not rec"),
-         ("camera", -1, 1, "the rays of the camera were not recognised")],
-    )  # fmt: skip
-    def test_what_has_no_cost(self, kind: str, pixel: int, total: int, sentence: str) -> None:
-        rays = np.zeros((2, 1, 3), np.float32)
-        stream = Stream(kind, *rays, np.zeros(1, np.float32), np.array([pixel], np.int32), total)
-        with pytest.raises(ValueError, match=sentence):
-            work.pixel_costs(parse_spec("kd"), [stream], {}, (1, 1))
-        assert kind in KINDS
+        none = {name: np.zeros((1, 1), np.float32) for name in COUNTERS}
+        counted = {of: none | {"axis_steps": np.ones((1, 1), np.float32)} for of in work.PIXELS}
+        found = work.pixel_quantities(parse_spec("kd"), counted)
+        assert found["cost"]["camera"] == 3 and found["steps"]["camera"] == 1
 
     def test_area_on_the_axes(self) -> None:
         box = boxes("box", [((0, 0, 0), (1, 2, 3))])

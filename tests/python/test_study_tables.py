@@ -156,7 +156,7 @@ class TestHotSpots:
     def test_spread(self, workers: Workers, room: Path, tmp_path: Path) -> None:
         out = tmp_path / "out"
         assert study("hotspots", room, "--specs", "kd", "normals", "--out", out) == 0
-        assert all(job.kind in ("record", "work") for job in workers.jobs)
+        assert all(job.kind == "work" for job in workers.jobs)
         assert all(job.choices["keep_pixels"] for job in workers.jobs if job.kind == "work")
         exact = "100.0 [100.0, 100.0]"
         assert row(out, "room, 30 triangles, 256x256, 4 spp: whole paths", "normals") == [

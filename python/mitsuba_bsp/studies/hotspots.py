@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -10,17 +11,15 @@ import numpy as np
 
 from ..figures import COLOURS, new_figure, plain
 from ..records import Record, ResultsFolder
-from ..spec import parse_spec
 from ..speeds import NONE
 from ..text_table import TextTable
-from .runs import DEAREST, HOT_SPOTS, PIXELS, Runs, spec_of
-from .study import Cell, Study, StudyOptions, arrays_file, timed_and_counted
+from .heatmap import add_specs, chosen_specs, heat_maps
+from .runs import DEAREST, HOT_SPOTS, Runs, spec_of
+from .study import Cell, Study, StudyOptions, timed_and_counted
 from .verdicts import percent
-from .work import SHARES
+from .work import PIXELS, SHARES
 
 if TYPE_CHECKING:
-    from argparse import _ArgumentGroup as OptionGroup
-
     from matplotlib.figure import Figure
 
 SPECS = ("native", "kd", "rbsp", "ize", "random", "normals", "clustered")
@@ -34,19 +33,10 @@ _LEGEND = (
 )
 
 
-def add_options(group: OptionGroup) -> Sequence[str]:
-    """Which accelerators."""
-    group.add_argument("--specs", nargs="+", default=SPECS, metavar="SPEC", help=f"default: {' '.join(SPECS)}")
-    group.set_defaults(keep_pixels=True)
-    return ("specs", "keep_pixels")
-
-
 def plan(options: StudyOptions) -> list[Cell]:
     """The work of every accelerator, of each seed where there is one."""
-    specs = list(dict.fromkeys(options.choices["specs"]))
-    if "embree" in {parse_spec(text).name for text in specs}:
-        raise ValueError("Embree does not count its work: leave it out of --specs")
-    return [cell for cell in timed_and_counted(specs, options.repeats) if cell.measure == "work"]
+    cells = timed_and_counted(chosen_specs(options), options.repeats)
+    return [cell for cell in cells if cell.measure == "work"]
 
 
 def tables(rows: Sequence[Record]) -> list[TextTable]:
@@ -57,7 +47,7 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
 
 def _scene_table(runs: Runs, scene: str, of: str) -> TextTable:
     def cells(tree: str) -> tuple[str, ...]:
-        pixels = [row["pixels"][of] for row in runs.get(scene, "work", tree).values()]
+        pixels = [row["pixels"]["cost"][of] for row in runs.get(scene, "work", tree).values()]
         if not pixels:
             return (NONE,) * 5
         mean, deviation = (
@@ -82,7 +72,7 @@ def figures(rows: Sequence[Record], folder: ResultsFolder) -> Iterator[tuple[str
     runs = Runs(rows)
     yield "hotspots", _spread_figure(runs)
     for scene in runs.scenes:
-        figure = _heat_maps(runs, scene, folder)
+        figure = heat_maps(runs, scene, folder, SPECS, "cost")
         if figure:
             yield f"hotspots-{scene}", figure
 
@@ -95,7 +85,8 @@ def _spread_figure(runs: Runs) -> Figure:
         for panel, scene in zip(line, runs.scenes, strict=True):
             for tree in runs.ordered(SPECS):
                 if row := runs.first(scene, "work", tree):
-                    relative = np.array(row["pixels"][of]["quantiles"]) / row["pixels"][of]["mean"]
+                    own = row["pixels"]["cost"][of]
+                    relative = np.array(own["quantiles"]) / own["mean"]
                     panel.plot(100 * SHARES, relative, color=COLOURS[spec_of(tree).name], linewidth=1.2, label=tree)
             panel.set_xlim(50, 100)
             plain(panel)
@@ -109,33 +100,6 @@ def _spread_figure(runs: Runs) -> Figure:
     return figure
 
 
-def _heat_maps(runs: Runs, scene: str, folder: ResultsFolder) -> Figure | None:
-    """A column an accelerator, a row for camera rays and one for paths, with one scale for each row."""
-    maps = {
-        tree: dict(np.load(file))
-        for tree in runs.ordered(SPECS)
-        if (row := runs.first(scene, "work", tree))
-        and (file := arrays_file(folder, "work", scene, str(row["spec"]))).is_file()
-    }
-    if not maps:
-        return None
-    height, width = next(iter(maps.values()))["path"].shape
-    side = 2.2
-    figure = new_figure(0.6 + side * len(maps), 0.5 + 2 * (side * height / width + 0.35))
-    grid = figure.subplots(len(PIXELS), len(maps), squeeze=False)
-    for line, (of, words) in zip(grid, PIXELS.items(), strict=True):
-        ours = [own[of] for tree, own in maps.items() if tree != "native"] or [own[of] for own in maps.values()]
-        top = float(np.max([np.quantile(values, 0.995) for values in ours]))
-        for panel, (tree, own) in zip(line, maps.items(), strict=True):
-            shown = panel.imshow(own[of], cmap="inferno", vmin=0, vmax=top, interpolation="nearest")
-            panel.set_title(f"{tree}\nmean {own[of].mean():.0f}, p99 {np.quantile(own[of], 0.99):.0f}", fontsize=9)
-            panel.set_xticks([])
-            panel.set_yticks([])
-        line[0].set_ylabel(words)
-        figure.colorbar(shown, ax=list(line), fraction=0.02, pad=0.01, extend="max").set_label("planes")
-    return figure
-
-
 STUDY = Study(
     name="hotspots",
     help="the spread of the cost of pixels, with heat maps",
@@ -144,7 +108,7 @@ STUDY = Study(
     plan=plan,
     tables=tables,
     figures=figures,
-    add_options=add_options,
+    add_options=partial(add_specs, default=SPECS),
     repeats=3,
     repeated="seeds of trees that have one",
 )

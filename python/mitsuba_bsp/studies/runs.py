@@ -10,6 +10,7 @@ from typing import Literal
 from ..inference import Effect, effect_of, noise_of
 from ..records import Record
 from ..spec import Spec, parse_spec
+from .work import PIXELS
 
 
 @dataclass(frozen=True)
@@ -118,12 +119,12 @@ def per_ray(row: Record, kinds: Sequence[str], *counters: str) -> float | None:
 
 
 def _hot_spots(row: Record, of: str) -> float:
-    pixels = row["pixels"][of]
+    pixels = row["pixels"]["cost"][of]
     return float(pixels["quantiles"][99]) / float(pixels["mean"])
 
 
 def _dearest(row: Record, of: str) -> float:
-    return float(row["pixels"][of]["quantiles"][99])
+    return float(row["pixels"]["cost"][of]["quantiles"][99])
 
 
 def _axis_share(row: Record) -> float | None:
@@ -152,8 +153,6 @@ STEPS = Quantity("steps", "work", lambda row: per_ray(row, CLOSEST, *_STEPS))
 ANY_TESTS = Quantity("triangle tests of shadow rays", "work", lambda row: per_ray(row, ANY, "triangle_tests"))
 ANY_STEPS = Quantity("steps of shadow rays", "work", lambda row: per_ray(row, ANY, *_STEPS))
 AXIS_STEPS = Quantity("the share of steps in kd nodes", "work", _axis_share)
-#: What the cost of a pixel is added up over.
-PIXELS = {"camera": "camera rays", "path": "whole paths"}
 #: What the dearest percent of the pixels costs at least, and over the mean of all pixels.
 DEAREST = {of: Quantity(f"p99 of pixel costs, {PIXELS[of]}", "work", partial(_dearest, of=of)) for of in PIXELS}
 HOT_SPOTS = {

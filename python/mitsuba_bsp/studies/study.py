@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..asked import begin
 from ..attempts import Attempts
-from ..comparison import SEED, Failure, Listener, SceneInfo, context
+from ..comparison import SEED, Failure, Listener, Options, SceneInfo, context, image_header
 from ..jobs import Job, Kind
 from ..machine import available_threads
 from ..preflight import preflight
 from ..records import Record, ResultsFolder, append
-from ..replays import RayOptions, record_streams, streams_file
 from ..spec import Spec, parse_spec
 from ..text_table import TextTable
 
@@ -30,9 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHUFFLE_SEED = 20_240_607
-
-#: Measurements that count the rays of a recorded frame.
-_NEEDS_STREAMS = ("work",)
 
 #: Measurements of time, for which nothing else may run and the user's number of threads counts.
 _TIMED = ("time",)
@@ -54,10 +50,9 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class StudyOptions(RayOptions):
+class StudyOptions(Options):
     """What to study; `choices` are the study's own options."""
 
-    max_rays: int = 10**9  # all rays, or the cost of a pixel would not be known
     choices: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -105,7 +100,7 @@ class _Turn:
 
 
 def timed_and_counted(trees: Sequence[str], repeats: int) -> list[Cell]:
-    """Times of all trees, and the work for the rays of a frame of those that tell; seeded where a tree has a seed."""
+    """Times of all trees, and the work for a frame of those that tell; seeded where a tree has a seed."""
     cells = []
     for tree in trees:
         spec = parse_spec(tree)
@@ -131,16 +126,11 @@ def run_study(study: Study, options: StudyOptions, listener: Listener) -> tuple[
     attempts = Attempts(folder, listener)
     scenes = preflight(options, folder, attempts.note, images=False, meshes_to="put into trees")
     turns = _rounds(scenes, study.plan(options))
-    begin(folder, options, scenes, "streams")
+    begin(folder, options, scenes, "")
     done = {(row["scene"], row["measure"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
-    counting = {turn.scene.name for turn in todo if turn.cell.measure in _NEEDS_STREAMS}
-    listener.start(scenes, len(turns) + len(counting), len(turns) - len(todo))
-    recorded = {s.name for s in scenes if s.name in counting and record_streams(options, folder, attempts, s)}
+    listener.start(scenes, len(turns), len(turns) - len(todo))
     for turn in todo:
-        if turn.cell.measure in _NEEDS_STREAMS and turn.scene.name not in recorded:
-            listener.finish()
-            continue
         result = attempts.run(turn.scene, turn.spec.text, _job(options, folder, turn), turn.label)
         if result:
             append(folder.records_file, _row(study, options, turn, result.values))
@@ -169,6 +159,7 @@ def _rounds(scenes: Sequence[SceneInfo], cells: Sequence[Cell]) -> list[_Turn]:
 
 def _job(options: StudyOptions, folder: ResultsFolder, turn: _Turn) -> Job:
     measure = turn.cell.measure
+    keeps_pixels = measure == "work" and options.choices.get("keep_pixels", False)
     return Job(
         kind=measure,
         scene=str(turn.scene.path),
@@ -179,7 +170,8 @@ def _job(options: StudyOptions, folder: ResultsFolder, turn: _Turn) -> Job:
         resolution=options.resolution,
         seed=SEED,
         threads=options.threads if measure in _TIMED else available_threads(),
-        streams=str(streams_file(folder, turn.scene)) if measure in _NEEDS_STREAMS else "",
+        image=str(folder.image(turn.scene.name, turn.spec.text).absolute()) if keeps_pixels else "",
+        header=image_header(turn.scene, turn.spec) if keeps_pixels else {},
         arrays=str(arrays_file(folder, measure, turn.scene.name, turn.spec.text).absolute()),
         choices=options.choices,
     )
