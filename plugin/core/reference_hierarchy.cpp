@@ -69,7 +69,7 @@ Bounds ReferenceHierarchy::BoxGroup::get(unsigned lane) const {
 }
 
 ReferenceHierarchy::ReferenceHierarchy(const ReferenceList &references, double tolerance)
-    : m_references(references), m_tolerance(tolerance) {
+    : m_size(references.size()), m_tolerance(tolerance) {
     Level level;
     level.boxes = references.size();
     level.groups.resize((references.size() + Float8::width - 1) / Float8::width);
@@ -80,6 +80,10 @@ ReferenceHierarchy::ReferenceHierarchy(const ReferenceList &references, double t
         all.extend(box.upper);
         level.groups[i / Float8::width].set(i % Float8::width, box);
     }
+    m_starts.reserve(level.groups.size() + 1);
+    m_corners.reserve(3 * Float8::width * (references.vertices.size() / Float8::width + level.groups.size()));
+    for (std::size_t group = 0; group < level.groups.size(); ++group)
+        add_corners(references, group);
     // A box's extent along a normal takes seven roundings of at most u times the sum of the largest coordinates.
     double reach = 0;
     for (std::size_t axis = 0; axis < 3; ++axis)
@@ -88,6 +92,23 @@ ReferenceHierarchy::ReferenceHierarchy(const ReferenceList &references, double t
     m_levels.push_back(std::move(level));
     while (m_levels.back().boxes > Float8::width)
         m_levels.push_back(coarser(m_levels.back()));
+}
+
+void ReferenceHierarchy::add_corners(const ReferenceList &references, std::size_t group) {
+    const std::size_t first = group * Float8::width, last = std::min(first + Float8::width, references.size());
+    std::uint32_t most = 0;
+    for (std::size_t i = first; i < last; ++i)
+        most = std::max(most, references.starts[i + 1] - references.starts[i]);
+    const std::size_t start = m_corners.size();
+    m_corners.resize(start + 3 * Float8::width * most);
+    for (std::size_t i = first; i < last; ++i)
+        for (std::uint32_t vertex = 0; vertex < most; ++vertex) {
+            const bool has = vertex < references.starts[i + 1] - references.starts[i];
+            const Vec3d &corner = references.vertices[references.starts[i] + (has ? vertex : 0)];
+            for (std::size_t axis = 0; axis < 3; ++axis)
+                m_corners[start + (3 * vertex + axis) * Float8::width + (i - first)] = corner[axis];
+        }
+    m_starts.push_back(std::uint32_t(m_corners.size()));
 }
 
 ReferenceHierarchy::Level ReferenceHierarchy::coarser(const Level &fine) const {
@@ -140,28 +161,53 @@ std::uint32_t ReferenceHierarchy::references_in(const Level &level, std::size_t 
     std::uint32_t count = level.span * std::uint32_t(__builtin_popcount(lanes));
     const std::size_t last = level.boxes - 1; // the one box that may hold fewer
     if (group == last / Float8::width && (lanes >> last % Float8::width & 1u) != 0)
-        count -= std::uint32_t(level.boxes * level.span - m_references.size());
+        count -= std::uint32_t(level.boxes * level.span - m_size);
     return count;
 }
 
-void ReferenceHierarchy::count_exactly(std::size_t reference, const Direction &direction, double offset,
-                                       SideCounts &counts) const {
-    const auto [low, high] = m_references.extent(reference, direction);
-    const bool not_above = high <= offset + m_tolerance, not_below = low >= offset - m_tolerance;
-    if (not_above && not_below) {
-        ++counts.on;
-    } else {
-        counts.below += !not_below;
-        counts.above += !not_above;
+/// A plane in double precision, compared with the vertices of eight references at a time.
+class ReferenceHierarchy::Corners {
+public:
+    Corners(const Direction &direction, double offset, double tolerance)
+        : m_axes{direction.major, next_axis[direction.major], after_axis[direction.major]},
+          m_a(_mm256_set1_pd(direction.a)), m_b(_mm256_set1_pd(direction.b)), m_low(_mm256_set1_pd(offset - tolerance)),
+          m_high(_mm256_set1_pd(offset + tolerance)) {}
+
+    /// Which references have vertices below the plane, and which above it.
+    Sides classify(const double *corner, const double *end) const {
+        Sides sides{0, 0, 0};
+        for (; corner != end; corner += 3 * Float8::width)
+            for (unsigned half : {0, 4}) {
+                const __m256d position = position_of(corner + half);
+                sides.below |= bits(_mm256_cmp_pd(position, m_low, _CMP_LT_OQ)) << half;
+                sides.above |= bits(_mm256_cmp_pd(position, m_high, _CMP_GT_OQ)) << half;
+            }
+        return sides;
     }
-}
+
+private:
+    /// As `position` in direction.h, bit for bit.
+    __m256d position_of(const double *corner) const {
+        const auto load = [&](std::uint8_t axis) { return _mm256_loadu_pd(corner + axis * Float8::width); };
+        const auto [k, i, j] = m_axes;
+        return _mm256_add_pd(_mm256_add_pd(load(k), _mm256_mul_pd(m_a, load(i))), _mm256_mul_pd(m_b, load(j)));
+    }
+    static unsigned bits(__m256d comparison) { return unsigned(_mm256_movemask_pd(comparison)); }
+
+    struct {
+        std::uint8_t k, i, j;
+    } m_axes;
+    __m256d m_a, m_b, m_low, m_high;
+};
 
 std::optional<SideCounts> ReferenceHierarchy::count(const Direction &direction, float offset, const SidePrices &prices,
                                                     std::size_t &work) const {
-    static thread_local std::vector<std::uint32_t> groups, finer; // of one level, and of the level below it
+    static thread_local std::vector<std::uint32_t> this_level, level_below;
+    std::vector<std::uint32_t> &groups = this_level, &finer = level_below;
     const PlaneLanes plane(direction, offset, m_margin);
+    const Corners exact(direction, offset, m_tolerance);
     SideCounts counts;
-    std::uint32_t remaining = std::uint32_t(m_references.size());
+    std::uint32_t remaining = std::uint32_t(m_size);
     groups.assign(1, 0);
     for (auto level = m_levels.rbegin(); level != m_levels.rend(); ++level) {
         finer.clear();
@@ -174,15 +220,18 @@ std::optional<SideCounts> ReferenceHierarchy::count(const Direction &direction, 
             counts.below += below;
             counts.above += above;
             remaining -= below + above;
-            for (unsigned rest = sides.unknown; rest != 0; rest &= rest - 1) {
-                const std::size_t box = first + unsigned(__builtin_ctz(rest));
-                if (level->span > 1) {
-                    finer.push_back(std::uint32_t(box));
-                } else {
-                    count_exactly(box, direction, offset, counts);
-                    --remaining;
-                    ++work;
-                }
+            if (level->span > 1) {
+                for (unsigned rest = sides.unknown; rest != 0; rest &= rest - 1)
+                    finer.push_back(std::uint32_t(first + unsigned(__builtin_ctz(rest))));
+            } else if (sides.unknown != 0) {
+                const Sides found =
+                    exact.classify(m_corners.data() + m_starts[group], m_corners.data() + m_starts[group + 1]);
+                const auto number = [&](unsigned set) { return unsigned(__builtin_popcount(set & sides.unknown)); };
+                counts.below += number(found.below);
+                counts.above += number(found.above);
+                counts.on += number(~(found.below | found.above));
+                remaining -= number(~0u);
+                work += number(~0u);
             }
             if (prices.is_out(counts, remaining))
                 return std::nullopt;

@@ -36,15 +36,15 @@ struct SidePrices {
 };
 
 /// Boxes around the references in groups of eight, boxes around those eight times coarser, and so on. The references
-/// are best in spatial order, and must live as long.
+/// are best in spatial order.
 class ReferenceHierarchy {
 public:
     /// References within `tolerance` of a plane, along its normal, lie on it; what reaches no further beyond the plane
     /// does not cross it. As `split_references` with the same tolerance.
     ReferenceHierarchy(const ReferenceList &references, double tolerance);
 
-    /// Nothing if the prices reach their limit. Adds to `work` the number of references looked at one by one. From many
-    /// threads at once.
+    /// Nothing if the prices reach their limit. Adds to `work` the number of references whose vertices were looked at.
+    /// From many threads at once.
     std::optional<SideCounts> count(const Direction &direction, float offset, const SidePrices &prices,
                                     std::size_t &work) const;
 
@@ -68,15 +68,20 @@ private:
         unsigned below, above, unknown; ///< a bit per lane
     };
     class PlaneLanes;
+    class Corners;
 
     Level coarser(const Level &fine) const;
     std::uint32_t references_in(const Level &level, std::size_t group, unsigned lanes) const;
-    void count_exactly(std::size_t reference, const Direction &direction, double offset, SideCounts &counts) const;
+    void add_corners(const ReferenceList &references, std::size_t group);
 
-    const ReferenceList &m_references;
+    std::size_t m_size; ///< number of references
     double m_tolerance;
     double m_margin; ///< tolerance and rounding errors of the float arithmetic on boxes
     std::vector<Level> m_levels;
+    /// The vertices of the references, those of each group of eight together: [vertex][axis][lane], as many as its
+    /// largest reference has, the others repeating their first. `m_starts` says where a group's are.
+    std::vector<double> m_corners;
+    std::vector<std::uint32_t> m_starts{0};
 };
 
 } // namespace bsp

@@ -11,11 +11,14 @@
 namespace bsp {
 namespace {
 
-constexpr std::size_t triangles_per_task = 256; ///< a task's triangles are tried in order, whatever thread does it
+/// A node's triangles are tried in so many tasks at most, each in order, whatever thread does it. Few, for each does at
+/// least one plane's work and starts without a price to beat.
+constexpr std::size_t max_tasks = 16, triangles_per_task = 256;
 
 /// References that may be looked at one by one for each triangle of a node of `count`, on average: more than nearly all
-/// nodes of meshes need. Where many lie in one plane, or in one place, all would be looked at for every plane.
-double work_per_triangle(std::size_t count) { return 256 + 4 * std::sqrt(double(count)); }
+/// nodes of meshes need, where the triangles near a plane are a smaller part the more there are. Where many lie in one
+/// plane, or in one place, all would be looked at for every plane.
+double work_per_triangle(std::size_t count) { return 16 + 10000 / std::sqrt(double(count)); }
 
 /// Tries planes and keeps the cheapest.
 class PlaneSearch {
@@ -94,24 +97,27 @@ std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const 
     const auto search_range = [&](std::size_t begin, std::size_t end) {
         PlaneSearch search(hierarchy, areas, cost, tolerance, limit);
         const double most_work = work_per_triangle(references.size()) * double(end - begin);
-        for (std::size_t i = begin; i < end && double(search.work) <= most_work; ++i) {
+        for (std::size_t i = begin; i < end; ++i) {
             const Triangle &triangle = set.triangles[references.ids[i]];
             if (i > begin && std::memcmp(&triangle, &set.triangles[references.ids[i - 1]], sizeof triangle) == 0)
                 continue; // one on top of the other
-            for (const TrianglePlane &plane : planes_along(triangle))
+            for (const TrianglePlane &plane : planes_along(triangle)) {
                 search.consider(plane);
+                if (double(search.work) > most_work)
+                    return search.best;
+            }
         }
         return search.best;
     };
-    if (references.size() <= triangles_per_task)
-        return search_range(0, references.size());
+    const std::size_t count = references.size();
+    const std::size_t tasks = std::min(max_tasks, (count + triangles_per_task - 1) / triangles_per_task);
+    if (tasks <= 1)
+        return search_range(0, count);
 
-    const std::size_t tasks = (references.size() + triangles_per_task - 1) / triangles_per_task;
     std::vector<std::optional<PlaneCandidate>> found(tasks);
     parallel_for(tasks, 1, [&](std::size_t begin, std::size_t end) {
         for (std::size_t task = begin; task < end; ++task)
-            found[task] =
-                search_range(task * triangles_per_task, std::min(references.size(), (task + 1) * triangles_per_task));
+            found[task] = search_range(count * task / tasks, count * (task + 1) / tasks);
     });
     std::optional<PlaneCandidate> best;
     for (const auto &candidate : found)
