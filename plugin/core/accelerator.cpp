@@ -1,7 +1,9 @@
 #include "accelerator.h"
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 
 #include "builder.h"
@@ -68,22 +70,39 @@ private:
     std::vector<Entry> m_triangles;
 };
 
+void warn(const std::string &sentence, Statistics &statistics) {
+    statistics.warning += (statistics.warning.empty() ? "" : "; ") + sentence;
+}
+
 /// The saved tree, if there is one and it is sound.
-std::optional<Tree> load(const TreeFile &file, const TriangleSet &set, std::string &warning) {
+std::optional<Tree> load(const TreeFile &file, const TriangleSet &set, Statistics &statistics) {
     try {
         return file.load(set);
     } catch (const std::runtime_error &e) {
-        warning = std::string(e.what()) + "; it is built again";
+        warn(std::string(e.what()) + "; it is built again", statistics);
         return {};
     }
 }
 
-void save(const TreeFile &file, const Tree &tree, std::string &warning) {
+void save(const TreeFile &file, const Tree &tree, Statistics &statistics) {
     try {
         file.save(tree);
     } catch (const std::runtime_error &e) {
-        warning += (warning.empty() ? "" : "; ") + std::string(e.what());
+        warn(e.what(), statistics);
     }
+}
+
+/// A few leaves are capped in many trees, and harmless; where they hold much of the tree, rays are slow.
+void warn_of_caps(const Tree &tree, const Settings &settings, Statistics &statistics) {
+    constexpr std::size_t worth_a_warning = 10; // percent of the references
+    const std::size_t percent = 100 * tree.capped_references / std::max<std::size_t>(1, tree.references.size());
+    if (percent < worth_a_warning)
+        return;
+    std::ostringstream text;
+    text << percent << " % of the tree's references are in leaves that were not split further, because there are "
+         << "at most " << settings.max_references << " references per triangle (max_references) and "
+         << depth_allowed(settings, statistics.triangles) << " levels (max_depth): rays that meet them are slow";
+    warn(text.str(), statistics);
 }
 
 template <typename Test>
@@ -96,14 +115,15 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settin
     std::optional<Tree> tree;
     if (!options.cache.empty()) {
         file.emplace(options.cache, set, settings);
-        tree = load(*file, set, statistics.warning);
+        tree = load(*file, set, statistics);
     }
     statistics.loaded = tree.has_value();
     if (!tree)
         tree = build_tree(set, settings, options.monitor);
     statistics.build_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (file && !statistics.loaded)
-        save(*file, *tree, statistics.warning);
+        save(*file, *tree, statistics);
+    warn_of_caps(*tree, settings, statistics);
     switch (settings.precision) {
     case Precision::fast:
         return pack_tree<Test, Mode::fast>(*tree, set, settings, std::move(statistics));

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::size_t estimated_planes = 63;           ///< per direction, by `estimate`
 constexpr std::size_t parallel_sweep_size = 1 << 15;   ///< from here on, directions are swept by different threads
-constexpr std::size_t parallel_subtree_size = 1 << 11; ///< from here on, children are built by different threads
+constexpr std::size_t parallel_subtree_size = 1 << 10; ///< from here on, children are built by different threads
 
 /// The part of the tree below one node while it is being built.
 struct NodeWork {
@@ -74,12 +74,7 @@ public:
     Builder(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor, PlaneSurvey *survey)
         : m_set(set), m_settings(settings), m_source(make_split_source(settings)),
           m_triangle_planes(settings.tree == TreeKind::ize), m_plane_tolerance(plane_tolerance(set.bounds)),
-          m_monitor(monitor), m_survey(survey) {
-        const double count = std::max<double>(1, double(set.valid.size()));
-        m_max_depth = settings.max_depth > 0
-                          ? settings.max_depth
-                          : std::min(depth_limit, int(std::round(m_settings.depth_margin + 1.6 * std::log2(count))));
-    }
+          m_monitor(monitor), m_survey(survey), m_max_depth(depth_allowed(settings, set.valid.size())) {}
 
     Tree build() const {
         NodeWork root{make_references(m_set), Cell(root_box(m_set))};
@@ -106,7 +101,7 @@ private:
         if (!split || (split->price >= leaf_price && (--node.bad_refines < 0 || is_hopeless(*split, node))))
             return add_leaf(node, leaf_price, tree);
         if (double(split->plane.below) + split->plane.above > node.budget) {
-            ++tree.capped_leaves;
+            count_capped(node.references.size(), tree);
             return add_leaf(node, leaf_price, tree);
         }
         auto cells = node.cell.split(split->direction, split->plane.offset);
@@ -119,7 +114,7 @@ private:
         node.references = {};
 
         const std::size_t start = tree.nodes.size(), first_reference = tree.references.size();
-        const std::size_t capped = tree.capped_leaves;
+        const std::size_t capped = tree.capped_leaves, capped_references = tree.capped_references;
         tree.nodes.push_back({split->kind, split->direction, split->plane.offset, 0, 0, 0});
         const auto [price_below, price_above] = build_children(std::move(below), std::move(above), start, tree);
         const double price =
@@ -128,7 +123,11 @@ private:
             return price;
         tree.nodes.resize(start); // the splits never paid: a leaf after all
         tree.references.resize(first_reference);
-        tree.capped_leaves = capped + (tree.capped_leaves > capped); // one leaf in the place of them all
+        const bool was_capped = tree.capped_leaves > capped;
+        tree.capped_leaves = capped;
+        tree.capped_references = capped_references;
+        if (was_capped) // one leaf in the place of them all
+            count_capped(ids.size(), tree);
         append_leaf(ids, tree);
         return leaf_price;
     }
@@ -139,8 +138,15 @@ private:
             leaf_price > node_price(node.depth) + std::min(m_settings.cost.axis_cost, m_settings.cost.oblique_cost);
         if (!may_pay || node.references.size() <= std::size_t(m_settings.leaf_size))
             return false;
-        tree.capped_leaves += node.depth >= m_max_depth;
-        return node.depth < m_max_depth;
+        if (node.depth < m_max_depth)
+            return true;
+        count_capped(node.references.size(), tree);
+        return false;
+    }
+
+    static void count_capped(std::size_t references, Tree &tree) {
+        ++tree.capped_leaves;
+        tree.capped_references += references;
     }
 
     /// Bad splits are mended by retracting them; where that is off, the rule of the published code keeps the worst out.
@@ -352,6 +358,7 @@ private:
         merge(part.levels, tree.levels);
         merge(part.phases, tree.phases);
         tree.capped_leaves += part.capped_leaves;
+        tree.capped_references += part.capped_references;
         const std::uint32_t node_shift = std::uint32_t(tree.nodes.size());
         const std::uint32_t reference_shift = std::uint32_t(tree.references.size());
         for (TreeNode node : part.nodes) {
@@ -369,10 +376,17 @@ private:
     const double m_plane_tolerance;
     BuildMonitor *const m_monitor;
     PlaneSurvey *const m_survey;
-    int m_max_depth;
+    const int m_max_depth;
 };
 
 } // namespace
+
+int depth_allowed(const Settings &settings, std::size_t triangles) {
+    if (settings.max_depth > 0)
+        return settings.max_depth;
+    const double count = std::max<double>(1, double(triangles));
+    return std::min(depth_limit, int(std::round(settings.depth_margin + 1.6 * std::log2(count))));
+}
 
 Bounds root_box(const TriangleSet &set) {
     Bounds box = set.bounds;

@@ -24,6 +24,7 @@ void describe_tree(const Tree &tree, Statistics &s) {
     s.interior_nodes = s.nodes - s.leaves;
     s.references = tree.references.size();
     s.capped_leaves = tree.capped_leaves;
+    s.capped_references = tree.capped_references;
     s.max_depth = tree.depth;
     s.sah_cost = tree.sah_cost;
     s.phases = tree.phases;
@@ -105,6 +106,7 @@ std::string to_json(const Statistics &s) {
         object.add("leaves", s.leaves);
         object.add("empty_leaves", s.empty_leaves);
         object.add("capped_leaves", s.capped_leaves);
+        object.add("capped_references", s.capped_references);
         object.add("references", s.references);
         object.add("max_depth", s.max_depth);
         object.add("bytes", s.bytes);

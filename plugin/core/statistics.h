@@ -14,14 +14,15 @@ struct Statistics {
     std::size_t triangles = 0, dropped_triangles = 0;
     std::size_t nodes = 0, interior_nodes = 0, axis_nodes = 0, oblique_nodes = 0;
     std::size_t leaves = 0, empty_leaves = 0, references = 0;
-    std::size_t capped_leaves = 0; ///< leaves that would have been split, but for `max_references` or `max_depth`
+    std::size_t capped_leaves = 0;     ///< leaves that would have been split, but for `max_references` or `max_depth`
+    std::size_t capped_references = 0; ///< those of these leaves
     int max_depth = 0;
     std::size_t bytes = 0;
     double sah_cost = 0;
-    double build_s = 0;  ///< of building and packing; if `loaded`, of loading and packing
-    bool loaded = false; ///< the tree was not built but found in the folder of saved trees
-    std::string warning; ///< what went wrong with that folder, in one sentence; the tree is right all the same
-    std::vector<LevelCounts> levels;     ///< from the root down
+    double build_s = 0;              ///< of building and packing; if `loaded`, of loading and packing
+    bool loaded = false;             ///< the tree was not built but found in the folder of saved trees
+    std::string warning;             ///< what users should know, in one sentence each; the tree is right all the same
+    std::vector<LevelCounts> levels; ///< from the root down
     std::vector<std::size_t> leaf_sizes; ///< leaves by their number of triangles; the last entry: that many or more
     BuildPhases phases;
 };

@@ -37,6 +37,7 @@ struct Tree {
     int depth = 0;                         ///< interior nodes on the longest path
     double plane_tolerance = 0;            ///< triangles may protrude from their cells by this, beyond oblique planes
     std::size_t capped_leaves = 0;         ///< leaves that a cap on references or depth kept from being split
+    std::size_t capped_references = 0;     ///< those of these leaves
     std::vector<LevelCounts> levels;
     BuildPhases phases;
 };

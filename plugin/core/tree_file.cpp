@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr char magic[8] = {'B', 'S', 'P', ' ', 't', 'r', 'e', 'e'};
 constexpr std::uint32_t byte_order = 0x01020304;
-constexpr std::uint32_t format_version = 3;
+constexpr std::uint32_t format_version = 4;
 
 /// A file is this, then the nodes, then the references.
 struct Header {
@@ -27,11 +27,11 @@ struct Header {
     std::uint64_t key;
     std::uint64_t node_count, reference_count;
     double sah_cost, plane_tolerance;
-    std::uint64_t capped_leaves;
+    std::uint64_t capped_leaves, capped_references;
     std::uint64_t planes[depth_limit + 1]; ///< per level
     std::uint64_t hash;                    ///< of the whole file, this field taken as 0
 };
-static_assert(sizeof(Header) == 72 + 8 * (depth_limit + 1));
+static_assert(sizeof(Header) == 80 + 8 * (depth_limit + 1));
 
 /// A node as it is in a file: the same bytes for the same tree, which `TreeNode` with its padding is not.
 struct SavedNode {
@@ -209,6 +209,7 @@ std::optional<Tree> TreeFile::load(const TriangleSet &set) const {
     tree.sah_cost = header.sah_cost;
     tree.plane_tolerance = header.plane_tolerance;
     tree.capped_leaves = header.capped_leaves;
+    tree.capped_references = header.capped_references;
     if (const std::string broken = validate(tree, set); !broken.empty())
         refuse(m_path, "is no valid tree: " + broken);
     describe_levels(tree);
@@ -232,6 +233,7 @@ void TreeFile::save(const Tree &tree) const {
     header.sah_cost = tree.sah_cost;
     header.plane_tolerance = tree.plane_tolerance;
     header.capped_leaves = tree.capped_leaves;
+    header.capped_references = tree.capped_references;
     for (std::size_t depth = 0; depth < tree.levels.size(); ++depth)
         header.planes[depth] = tree.levels[depth].planes;
     header.hash = hash_of(header, nodes, tree.references);

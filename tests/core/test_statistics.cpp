@@ -12,13 +12,20 @@ using namespace bsp;
 
 namespace {
 
+struct Count {
+    std::size_t leaves = 0, references = 0;
+};
+
 /// Leaves at depth `limit` that list more than one triangle.
-std::size_t large_leaves_at(int limit, const Tree &tree) {
-    std::size_t count = 0;
+Count large_leaves_at(int limit, const Tree &tree) {
+    Count count;
     const std::function<void(std::size_t, int)> visit = [&](std::size_t at, int depth) {
         const TreeNode &node = tree.nodes[at];
         if (node.kind == TreeNode::Kind::leaf) {
-            count += depth == limit && node.count > 1;
+            if (depth == limit && node.count > 1) {
+                ++count.leaves;
+                count.references += node.count;
+            }
             return;
         }
         visit(at + 1, depth + 1);
@@ -44,7 +51,9 @@ TEST(CappedLeaves, AreThoseThatTheDepthStops) {
             for (const std::uint32_t threads : {1u, 4u}) {
                 pool_set_size(nullptr, threads);
                 const Tree tree = build_tree(set, settings);
-                EXPECT_EQ(tree.capped_leaves, large_leaves_at(settings.max_depth, tree)) << full_spec(settings);
+                const Count expected = large_leaves_at(settings.max_depth, tree);
+                EXPECT_EQ(tree.capped_leaves, expected.leaves) << full_spec(settings);
+                EXPECT_EQ(tree.capped_references, expected.references) << full_spec(settings);
                 EXPECT_GT(tree.capped_leaves, 0u);
             }
         }
@@ -61,6 +70,7 @@ TEST(CappedLeaves, AreThoseThatTheBudgetStops) {
     const Statistics capped = statistics("1");
     EXPECT_EQ(capped.leaves, 1u);
     EXPECT_EQ(capped.capped_leaves, 1u);
+    EXPECT_EQ(capped.capped_references, 2u);
     EXPECT_EQ(capped.references, 2u);
     const Statistics free = statistics("1000");
     EXPECT_GT(free.references, 2u);
@@ -85,12 +95,25 @@ TEST(CappedLeaves, AreNoneWhereLeavesAreWanted) {
     EXPECT_EQ(build_tree(overlapping_pair(), large).capped_leaves, 0u);
 }
 
+TEST(CappedLeaves, AreWarnedOfWhereTheyHoldMuchOfTheTree) {
+    const auto warning = [](const char *max_depth) {
+        const Settings settings = make_settings("kd", {{"max_depth", max_depth}, {"max_references", "1000"}});
+        return make_accelerator(random_soup(1000, 23), settings)->statistics().warning;
+    };
+    EXPECT_EQ(warning("60"), "");
+    EXPECT_EQ(warning("1"), "100 % of the tree's references are in leaves that were not split further, because there "
+                            "are at most 1000 references per triangle (max_references) and 1 levels (max_depth): rays "
+                            "that meet them are slow");
+}
+
 TEST(CappedLeaves, AreInTheStatistics) {
     const auto accelerator =
         make_accelerator(random_soup(500, 22), make_settings("kd", {{"max_depth", "3"}, {"retract", "false"}}));
     const Statistics &statistics = accelerator->statistics();
     EXPECT_EQ(statistics.capped_leaves, 8u);
     EXPECT_NE(to_json(statistics).find("\"capped_leaves\": 8,"), std::string::npos);
+    EXPECT_NE(to_json(statistics).find("\"capped_references\": " + std::to_string(statistics.references)),
+              std::string::npos);
 }
 
 } // namespace

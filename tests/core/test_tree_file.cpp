@@ -18,7 +18,7 @@ namespace {
 
 /// Where the fields of a file are.
 constexpr std::size_t byte_order_at = 8, version_at = 12, key_at = 16, nodes_at = 24, references_at = 32,
-                      hash_at = 64 + 8 * (depth_limit + 1), header_size = hash_at + 8, node_size = 20;
+                      hash_at = 72 + 8 * (depth_limit + 1), header_size = hash_at + 8, node_size = 20;
 
 std::string read_file(const fs::path &path) {
     std::ifstream in(path, std::ios::binary);
@@ -64,6 +64,7 @@ void expect_same(const Tree &x, const Tree &y) {
     EXPECT_EQ(x.depth, y.depth);
     EXPECT_EQ(x.plane_tolerance, y.plane_tolerance);
     EXPECT_EQ(x.capped_leaves, y.capped_leaves);
+    EXPECT_EQ(x.capped_references, y.capped_references);
     ASSERT_EQ(x.levels.size(), y.levels.size());
     for (std::size_t i = 0; i < x.levels.size(); ++i) {
         EXPECT_EQ(x.levels[i].planes, y.levels[i].planes);
