@@ -1,6 +1,8 @@
 #include "scale.h"
 
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 
 #include "sorting.h"
 #include "standard_floats.h"
@@ -18,6 +20,17 @@ int exponent_of(double x) {
     return exponent;
 }
 
+/// The power of two that brings a number above 0 into [1/2, 1), from the bits of its exponent: as double, no float is
+/// denormal.
+double power_that_normalizes(float x) {
+    double number = x;
+    std::uint64_t bits;
+    std::memcpy(&bits, &number, sizeof bits);
+    bits = (2045 - (bits >> 52)) << 52;
+    std::memcpy(&number, &bits, sizeof bits);
+    return number;
+}
+
 } // namespace
 
 // Users' numbers near 2^-100 and below may meet denormal ones.
@@ -29,26 +42,25 @@ Scale Scale::for_largest(double size) {
     return Scale(std::clamp(exponent_of(size), -largest_exponent, largest_exponent));
 }
 
+// Number by number in registers: vectors that are filled in memory would have to wait for it.
 ScaledRay Scale::apply_with_care(const Ray &ray) const noexcept {
     const StandardFloats floats;
     const ScaledRay miss{_mm_setzero_ps(), _mm_setr_ps(1, 0, 0, -1), 1};
-    ScaledRay scaled{};
-    float speed = 0;
-    for (unsigned k = 0; k < 3; ++k) {
-        scaled.o[k] = apply(ray.o[k]);
-        if (!(std::abs(scaled.o[k]) <= farthest) || !std::isfinite(ray.d[k]))
-            return miss;
-        speed = std::max(speed, std::abs(ray.d[k]));
-    }
+    const float x = apply(ray.o.x), y = apply(ray.o.y), z = apply(ray.o.z);
+    const auto near = [](float coordinate) { return std::abs(coordinate) <= farthest; };
+    if (!near(x) || !near(y) || !near(z))
+        return miss;
+    if (!std::isfinite(ray.d.x) || !std::isfinite(ray.d.y) || !std::isfinite(ray.d.z))
+        return miss;
+    const float speed = std::max({std::abs(ray.d.x), std::abs(ray.d.y), std::abs(ray.d.z)});
     if (!(speed > 0 && ray.maxt >= 0))
         return miss;
-    const double per_speed = speed >= slowest && speed <= fastest ? 1 : std::ldexp(1.0, -exponent_of(speed));
-    for (unsigned k = 0; k < 3; ++k)
-        scaled.d[k] = float(double(ray.d[k]) * per_speed);
-    scaled.per_t = m_inverse * per_speed;
-    const double end = std::min(double(ray.maxt), double(largest_float)) / scaled.per_t;
-    scaled.d[3] = round_down(std::min(end, double(largest_float)));
-    return scaled;
+    const double per_speed = speed >= slowest && speed <= fastest ? 1 : power_that_normalizes(speed);
+    const auto slowed = [&](float component) { return float(double(component) * per_speed); };
+    const double per_t = m_inverse * per_speed;
+    const double end = std::min(double(ray.maxt), double(largest_float)) / per_t;
+    const float maxt = round_down(std::min(end, double(largest_float)));
+    return {_mm_setr_ps(x, y, z, z), _mm_setr_ps(slowed(ray.d.x), slowed(ray.d.y), slowed(ray.d.z), maxt), per_t};
 }
 
 } // namespace bsp
