@@ -19,7 +19,7 @@ using Rows3 = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::devic
 using Faces = nb::ndarray<const std::uint32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-constexpr std::size_t rays_per_task = 1024;
+constexpr std::size_t rays_per_task = 128;
 
 /// A NumPy array that owns `values`.
 template <typename T> nb::ndarray<nb::numpy, T> to_numpy(std::vector<T> values) {

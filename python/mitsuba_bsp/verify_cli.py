@@ -16,7 +16,7 @@ from .terminal import INTERRUPTED, JOB_FAILED, OK, err, out, positive, say
 from .text_table import TextTable, print_text_tables, text_markdown
 from .verification.check import Check, Plan, all_checks
 from .verification.replay import replay
-from .verification.runner import Result, run
+from .verification.runner import Listener, Result, run
 from .verification.subjects import chosen_subjects, default_subjects, incumbents
 
 LEGEND = (
@@ -84,7 +84,7 @@ def _chosen_checks(only: Sequence[str] | None, nightly: bool) -> list[Check]:
     return [check for check in checks.values() if check.nightly == nightly]
 
 
-class _Bar:
+class _Bar(Listener):
     """Shows the current unit, and a line for every check that is done."""
 
     def __init__(self) -> None:

@@ -19,7 +19,7 @@ from mitsuba_bsp.verification.cases import FOLDER, Case, case_from, read_case
 from mitsuba_bsp.verification.check import Check, Failure, Outcome, Plan, Subject, Unit, rate_bound
 from mitsuba_bsp.verification.meshes import boxes
 from mitsuba_bsp.verification.replay import replay
-from mitsuba_bsp.verification.runner import Result, run
+from mitsuba_bsp.verification.runner import Listener, run
 from mitsuba_bsp.verification.subjects import default_subjects, trees
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -106,8 +106,8 @@ def test_a_case_is_replayed(command: Command) -> None:
     assert "0 answers are wrong" in result.stdout
 
 
-class Silent:
-    """A listener that only remembers."""
+class Silent(Listener):
+    """It only remembers."""
 
     def __init__(self) -> None:
         self.done = 0
@@ -116,14 +116,8 @@ class Silent:
     def begin(self, check: Check, units: int, kept: int) -> None:
         self.kept = kept
 
-    def unit(self, name: str) -> None:
-        pass
-
     def unit_done(self) -> None:
         self.done += 1
-
-    def end(self, result: Result) -> None:
-        pass
 
 
 def plan(folder: Path | None) -> Plan:

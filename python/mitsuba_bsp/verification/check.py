@@ -10,12 +10,14 @@ import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..spec import Spec
 from ..text_table import TextTable
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,15 @@ class Subject:
     def triangle_test(self) -> str:
         return str(self.spec.settings["triangle_test"])
 
+    @property
+    def turn(self) -> int:
+        """A number that is another one for most subjects."""
+        return sum(self.spec.text.encode())
+
+    def part_of(self, things: Sequence[T], every: int) -> Sequence[T]:
+        """All of them for a subject with full counts; for others one in `every`, not the same for each subject."""
+        return things if self.share == 1 else things[self.turn % every :: every]
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -45,7 +56,7 @@ class Plan:
     scale: float = 1.0  #: of all counts
     folder: Path | None = None  #: where the cases of failures are written
 
-    def count(self, full: int, subject: Subject | None = None) -> int:
+    def count(self, full: float, subject: Subject | None = None) -> int:
         """How many of `full` are tried, at least one; `subject` takes only its share."""
         return max(1, round(full * self.scale * (subject.share if subject else 1)))
 
@@ -123,12 +134,16 @@ Record = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Check:
-    """A registered check; `tables` makes tables of its records, where the line that every check gets is not enough."""
+    """A registered check; `tables` makes tables of its records, where the line that every check gets is not enough.
+
+    `at_once`: several of its units may run at the same time, for none of them measures time or changes what others see.
+    """
 
     id: str
     title: str
     units: Units
     tables: Callable[[Sequence[Record]], Sequence[TextTable]] | None = None
+    at_once: bool = False
 
     @property
     def nightly(self) -> bool:
@@ -139,14 +154,17 @@ _CHECKS: dict[str, Check] = {}
 
 
 def check(
-    identity: str, title: str, tables: Callable[[Sequence[Record]], Sequence[TextTable]] | None = None
+    identity: str,
+    title: str,
+    tables: Callable[[Sequence[Record]], Sequence[TextTable]] | None = None,
+    at_once: bool = False,
 ) -> Callable[[Units], Units]:
     """Register the decorated function as a check."""
 
     def register(units: Units) -> Units:
         if identity in _CHECKS:
             raise ValueError(f"there are two checks called {identity}")
-        _CHECKS[identity] = Check(identity, title, units, tables)
+        _CHECKS[identity] = Check(identity, title, units, tables, at_once)
         return units
 
     return register

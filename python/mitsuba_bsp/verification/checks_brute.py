@@ -29,7 +29,7 @@ def _in_planes(subject: Subject, count: int, seed: int) -> list[Questions]:
     return [plane_questions(mesh, tree, count, seed, subject.triangle_test) for mesh, tree in small_trees(subject.spec)]
 
 
-@check("C01", "equal to brute force, bit for bit")
+@check("C01", "equal to brute force, bit for bit", at_once=True)
 def equal_to_brute_force(plan: Plan) -> Iterator[Unit]:
     return subject_units(plan, _compare)
 
@@ -42,7 +42,7 @@ def _compare(plan: Plan, subject: Subject) -> Outcome:
     return outcome
 
 
-@check("C05", "any hit is found where a closest hit is")
+@check("C05", "any hit is found where a closest hit is", at_once=True)
 def any_as_closest(plan: Plan) -> Iterator[Unit]:
     return subject_units(plan, _any_as_closest)
 

@@ -12,7 +12,7 @@ from .judge import enter
 from .oracle import Questions, brute_force, build, differing, found
 
 
-@check("cases", "rays that were answered wrongly once")
+@check("cases", "rays that were answered wrongly once", at_once=True)
 def known_cases(plan: Plan) -> Iterator[Unit]:
     return subject_units(plan, _ask_again)
 

@@ -19,11 +19,10 @@ from .contest import (
     judged_subjects,
     main_subjects,
     names,
-    questions_to,
     report,
 )
 from .meshes import Mesh, large_mesh, slivers, small_meshes, soup, sphere
-from .oracle import Questions, brute_force, found
+from .oracle import Questions, brute_force, found, questions_to
 from .rays import interior_rays
 from .real_meshes import real_meshes
 

@@ -47,11 +47,11 @@ def _digest(tree: _core.Accelerator) -> str:
 
 @cache
 def _meshes() -> tuple[Mesh, ...]:
-    """So large that both children of the root have over 2,048 triangles: they are built by different threads."""
+    """So large that both children of the root have over 1,024 triangles: they are built by different threads."""
     return (
-        soup("soup", 5_000, edge=0.05),
-        sphere("bumpy sphere", 36, bumps=0.05),
-        grid("lattice", 50),
-        slivers("slivers", 5_000, 1e3),
-        fan("fan", 5_000),
+        soup("soup", 2_500, edge=0.05),
+        sphere("bumpy sphere", 26, bumps=0.05),
+        grid("lattice", 36),
+        slivers("slivers", 2_500, 1e3),
+        fan("fan", 2_500),
     )

@@ -35,9 +35,9 @@ THREADS_TO_WARM = 8
 #: Every fifth build also keeps its tree in a folder.
 CACHED = 5
 
-#: Enough for subtrees on several threads; and, for a few builds, for sweeps on several threads too. `ize` is slow, and
-#: searches its planes on several threads from the start.
-TRIANGLES, MANY_TRIANGLES, MANY_SHARE = 4_200, 33_000, 0.04
+#: Enough for subtrees on several threads; and, for a few builds of one tree, for sweeps on several threads too. `ize`
+#: is slow, and searches its planes on several threads from the start.
+TRIANGLES, MANY_TRIANGLES, MANY_SHARE = 2_200, 33_000, 0.04
 SLOW, SLOW_TRIANGLES = ("ize",), 600
 
 
@@ -54,8 +54,10 @@ def faults(plan: Plan) -> Iterator[Unit]:
             continue  # other variants take their memory in the same places
         slow = subject.spec.name in SLOW
         yield Unit(text, text, lambda s=subject, n=SLOW_TRIANGLES if slow else TRIANGLES: _faults(plan, s, n, 1.0))
-        if subject.share == 1 and not slow:
-            yield Unit(f"{text} large", text, lambda s=subject: _faults(plan, s, MANY_TRIANGLES, MANY_SHARE))
+    large = next((subject for subject in plan.subjects if subject.spec.name not in SLOW), None)
+    if large:
+        text = large.spec.text
+        yield Unit(f"{text} large", text, lambda: _faults(plan, large, MANY_TRIANGLES, MANY_SHARE))
 
 
 def _faults(plan: Plan, subject: Subject, triangles: int, share: float) -> Outcome:

@@ -73,10 +73,8 @@ def _expected(scene: str, triangle_test: str, samples: int) -> np.ndarray:
 
 @check("C17", "every tree renders the pixels of brute force")
 def image_smoke(plan: Plan) -> Iterator[Unit]:
-    for index, subject in enumerate(plan.subjects):
-        # Variants have one scene each, in turns.
-        scenes = list(SCENES) if subject.share == 1 else [list(SCENES)[index % len(SCENES)]]
-        for scene in scenes:
+    for subject in plan.subjects:
+        for scene in subject.part_of(list(SCENES), len(SCENES)):
             yield Unit(f"{subject.spec.text} {scene}", subject.spec.text, lambda s=subject, k=scene: _smoke(plan, s, k))
 
 

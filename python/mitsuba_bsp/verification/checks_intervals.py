@@ -27,7 +27,7 @@ ENDS: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-@check("C06", "intervals are closed")
+@check("C06", "intervals are closed", at_once=True)
 def intervals_are_closed(plan: Plan) -> Iterator[Unit]:
     return subject_units(plan, _cut)
 

@@ -14,7 +14,7 @@ RAYS_PER_FAMILY = 2_000
 LAYOUTS = ("wide", "binary")
 
 
-@check("C02", "mistakes planted in the traversal are seen")
+@check("C02", "mistakes planted in the traversal are seen", at_once=True)
 def mutants_are_seen(plan: Plan) -> Iterator[Unit]:
     for layout in LAYOUTS:
         for fault in _core.faults():

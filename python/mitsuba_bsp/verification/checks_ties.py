@@ -11,7 +11,7 @@ from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .judge import enter
 from .meshes import Mesh, boxes, soup
 from .oracle import Questions, answered, build, differing
-from .rays import FAMILIES
+from .rays import FAMILIES, in_turns
 from .threads import thread_count
 
 RAYS = 1_000
@@ -62,8 +62,7 @@ def _questions(mesh: Mesh, count: int, seed: int, triangle_test: str) -> Questio
     """Rays at the mesh of several families, in turns; brute force's answers must themselves be the smallest ids."""
     rng = np.random.default_rng([seed, *mesh.name.encode()])
     parts = [FAMILIES[family](mesh, count, rng) for family in AIMED]
-    o, d = (np.stack(rays, axis=1).reshape(-1, 3)[:count] for rays in zip(*parts, strict=True))
-    asked = answered(mesh, "ties", (np.ascontiguousarray(o), np.ascontiguousarray(d)), seed, triangle_test)
+    asked = answered(mesh, "ties", in_turns(parts, count), seed, triangle_test)
     same = {tuple(face): index for index, face in reversed(list(enumerate(mesh.faces.tolist())))}
     smallest = np.array([same[tuple(face)] for face in mesh.faces.tolist()])
     ids = asked.expected["triangle"][asked.expected["triangle"] < len(mesh.faces)]

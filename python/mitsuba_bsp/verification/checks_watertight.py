@@ -7,7 +7,6 @@ suite, with its vertices and the midpoints of its edges besides the grid of pixe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from .check import Failure, Outcome, Plan, Subject, Unit, check, subject_units
 from .meshes import Mesh, sphere, split_square
 from .oracle import Questions, build, found
 from .rays import INTERIOR_FAMILIES, Rays, interior_rays
+from .threads import shared
 
 RAYS = 100_000
 PLACES = {"0": (0, 0, 0), "1e3": (1e3, -1e3, 7e2), "2.7e5": (148376, 1234, -223423)}
@@ -27,28 +27,31 @@ VARIANT_SQUARE_SIZES = (4, 16, 64, 256)
 PIXELS = 256
 
 
-@cache
+@shared()
 def closed_sphere(steps: int, place: str) -> Mesh:
     return sphere(f"sphere of {steps} rings at {place}", steps, PLACES[place])
 
 
-@check("C03", "no ray escapes a closed sphere")
+@check("C03", "no ray escapes a closed sphere", at_once=True)
 def closed_sphere_is_closed(plan: Plan) -> Iterator[Unit]:
     return subject_units(plan, _leave_sphere)
 
 
 def _leave_sphere(plan: Plan, subject: Subject) -> Outcome:
+    """Variants: at one of the places, with the rays of all of them."""
     outcome = _outcome(subject)
-    for place in PLACES:
+    places = subject.part_of(list(PLACES), len(PLACES))
+    count = plan.count(RAYS * len(PLACES) / len(places), subject)
+    for place in places:
         mesh = closed_sphere(STEPS if subject.share == 1 else VARIANT_STEPS, place)
         tree = build(mesh, subject.spec)
         for family in INTERIOR_FAMILIES:
             rays = _interior(mesh, plan.count(RAYS), plan.seed, family)
-            _all_hit(outcome, plan, subject, mesh, f"{family} at {place}", _head(rays, plan.count(RAYS, subject)), tree)
+            _all_hit(outcome, plan, subject, mesh, f"{family} at {place}", _head(rays, count), tree)
     return outcome
 
 
-@check("C04", "no ray passes through a split square")
+@check("C04", "no ray passes through a split square", at_once=True)
 def split_square_is_whole(plan: Plan) -> Iterator[Unit]:
     return subject_units(plan, _cross_square)
 
@@ -86,7 +89,7 @@ def _all_hit(outcome: Outcome, plan: Plan, subject: Subject, mesh: Mesh, family:
     outcome.add(family, len(o), int(missed.sum()), failure)
 
 
-@cache
+@shared()
 def _interior(mesh: Mesh, count: int, seed: int, family: str) -> Rays:
     return interior_rays(mesh, count, np.random.default_rng([seed, *family.encode()]), family)
 
@@ -95,7 +98,7 @@ def _head(rays: Rays, count: int) -> Rays:
     return rays[0][:count], rays[1][:count]
 
 
-@cache
+@shared()
 def _square(size: int, seed: int) -> Mesh:
     return split_square(f"square of {size}", size, seed)
 

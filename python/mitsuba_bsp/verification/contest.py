@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import _core
-from ..accelerator import NO_TRIANGLE
 from .check import Failure, Outcome, Plan, Subject
 from .meshes import Mesh
-from .oracle import Answers, Questions, build, cut_intervals, differing, found
+from .oracle import Questions, build, differing, found
 from .rays import FAMILIES, Generator, Rays, plane_rays
 
 #: Rays asked at once: enough for all threads, little memory.
@@ -73,19 +72,6 @@ def family_rays(
                 yield family, FAMILIES[family](mesh, size, rng)
 
 
-def questions_to(
-    reference: _core.Accelerator, mesh: Mesh, seed: int, family: str, rays: Rays, rng: Generator
-) -> Questions:
-    """Rays with interval ends and the answers of `reference`.
-
-    It is asked without ends only: the closest hit before an end is the closest of all, or there is none.
-    """
-    o, d = rays
-    unbounded = reference.closest(o, d, np.full(len(o), np.inf, np.float32))
-    maxt = cut_intervals(unbounded["t"], rng)
-    return Questions(mesh, family, seed, o, d, maxt, _ended(unbounded, maxt))
-
-
 def compare(outcome: Outcome, asked: Questions, contestants: Sequence[Contestant]) -> None:
     """Enter where someone's closest hit or any hit is another one."""
     for contestant in contestants:
@@ -106,11 +92,3 @@ def report(outcome: Outcome, subject: Subject, asked: Questions, wrong: np.ndarr
     outcome.add(asked.family, len(asked), int(wrong.sum()), failure)
     rays = f"rays of {subject.spec.name}"
     outcome.figures[rays] = int(outcome.figures.get(rays, 0)) + len(asked)
-
-
-def _ended(unbounded: Answers, maxt: np.ndarray) -> Answers:
-    """The answers for intervals that end at `maxt`."""
-    kept = unbounded["t"] <= maxt
-    kept &= found(unbounded)
-    missed = {"t": np.float32(np.inf), "u": np.float32(0), "v": np.float32(0), "triangle": np.uint32(NO_TRIANGLE)}
-    return {key: np.where(kept, unbounded[key], missed[key]) for key in missed}

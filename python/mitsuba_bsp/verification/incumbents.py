@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loading import VARIANTS, load_dict
+from ..scalar import active_variant
 from ..spec import Spec
 from .meshes import Mesh, sphere, tessellated_box
 from .rays import INTERIOR_FAMILIES, Rays, grazing_inside, interior_rays
@@ -63,13 +64,10 @@ def _to_mitsuba(mesh: Mesh) -> mi.Mesh:
 @contextmanager
 def _scalar() -> Iterator[None]:
     """A scalar variant is set while it lives, and no warnings: far out, the sphere loses its smallest triangles."""
-    before = mi.variant()
-    mi.set_variant(VARIANTS[0])
-    level = mi.log_level()
-    mi.set_log_level(mi.LogLevel.Error)
-    try:
-        yield
-    finally:
-        mi.set_log_level(level)
-        if before:
-            mi.set_variant(before)
+    with active_variant(VARIANTS[0]):
+        level = mi.log_level()
+        mi.set_log_level(mi.LogLevel.Error)
+        try:
+            yield
+        finally:
+            mi.set_log_level(level)

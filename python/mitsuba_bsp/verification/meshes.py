@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
 
 import numpy as np
+
+from .threads import shared
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,18 +20,23 @@ class Mesh:
     faces: np.ndarray
     closed: bool = False  #: a ray from inside must hit something
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Longest side of the bounding box."""
         return float(np.ptp(self.vertices, axis=0).max())
 
-    @property
+    @cached_property
     def centre(self) -> np.ndarray:
         return (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
 
 
 def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, closed: bool = False) -> Mesh:
     return Mesh(name, np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(faces, np.uint32), closed)
+
+
+def of_corners(name: str, corners: np.ndarray) -> Mesh:
+    """Triangles (n, 3, 3) that share no vertex."""
+    return _mesh(name, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 
 def sphere(name: str, steps: int, centre: tuple[float, float, float] = (0, 0, 0), bumps: float = 0.0) -> Mesh:
@@ -115,7 +122,7 @@ def soup(name: str, count: int, offset: float = 0.0, edge: float = 0.4, seed: in
     """Random triangles in a cube of side 2 around (offset, offset, offset)."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-1, 1, (count, 1, 3)) + rng.uniform(-edge, edge, (count, 3, 3)) + offset
-    return _mesh(name, corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    return of_corners(name, corners)
 
 
 def slivers(name: str, count: int, aspect: float) -> Mesh:
@@ -124,7 +131,7 @@ def slivers(name: str, count: int, aspect: float) -> Mesh:
     a = rng.uniform(-1, 1, (count, 3))
     b = a + rng.normal(size=(count, 3))
     c = a + (b - a) * rng.uniform(0.3, 0.7, (count, 1)) + rng.normal(size=(count, 3)) / aspect
-    return _mesh(name, np.stack([a, b, c], axis=1).reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    return of_corners(name, np.stack([a, b, c], axis=1))
 
 
 def fan(name: str, count: int) -> Mesh:
@@ -194,7 +201,7 @@ SMALL: dict[str, Callable[[str], Mesh]] = {
 }
 
 
-@cache
+@shared()
 def small_meshes() -> tuple[Mesh, ...]:
     return tuple(make(name) for name, make in SMALL.items())
 

@@ -15,6 +15,7 @@ from ..spec import Spec
 from .cases import Case, describe_ray
 from .meshes import Mesh, small_meshes
 from .rays import FAMILIES, Rays, plane_rays
+from .threads import shared
 
 Answers = Mapping[str, NDArray[np.float32] | NDArray[np.uint32]]
 
@@ -76,21 +77,44 @@ def small_trees(spec: Spec) -> tuple[tuple[Mesh, _core.Accelerator], ...]:
     return tuple((mesh, build(mesh, spec)) for mesh in small_meshes())
 
 
-@lru_cache(maxsize=256)
+@shared(256)
 def brute_force(mesh: Mesh, triangle_test: str = "woop") -> _core.Accelerator:
     return _core.Accelerator(mesh.vertices, mesh.faces, "brute", {"triangle_test": triangle_test})
 
 
 def answered(mesh: Mesh, family: str, rays: Rays, seed: int, triangle_test: str = "woop") -> Questions:
     """Rays with interval ends, some of them close to the hit, and the answers of brute force."""
+    rng = family_rng(seed, family + " interval")
+    return questions_to(brute_force(mesh, triangle_test), mesh, seed, family, rays, rng)
+
+
+def questions_to(
+    reference: _core.Accelerator, mesh: Mesh, seed: int, family: str, rays: Rays, rng: np.random.Generator
+) -> Questions:
+    """Rays with interval ends, some of them close to the hit, and the answers of `reference`.
+
+    It is asked without ends: the closest hit before an end is the closest of all, or there is none. It is asked with
+    ends only where t is denormal, for what it was before it was rounded to fewer digits decides.
+    """
     o, d = rays
-    oracle = brute_force(mesh, triangle_test)
-    unbounded = oracle.closest(o, d, np.full(len(o), np.inf, np.float32))
-    maxt = cut_intervals(unbounded["t"], family_rng(seed, family + " interval"))
-    return Questions(mesh, family, seed, o, d, maxt, oracle.closest(o, d, maxt))
+    unbounded = reference.closest(o, d, np.full(len(o), np.inf, np.float32))
+    maxt = cut_intervals(unbounded["t"], rng)
+    expected = _ended(unbounded, maxt)
+    rounded = np.flatnonzero(unbounded["t"] < np.finfo(np.float32).tiny)
+    if len(rounded):
+        for key, values in reference.closest(o[rounded], d[rounded], maxt[rounded]).items():
+            expected[key][rounded] = values
+    return Questions(mesh, family, seed, o, d, maxt, expected)
 
 
-@lru_cache(maxsize=64)
+def _ended(unbounded: Answers, maxt: NDArray[np.float32]) -> dict[str, NDArray]:
+    """The answers for intervals that end at `maxt`."""
+    kept = found(unbounded) & (unbounded["t"] <= maxt)
+    missed = {"t": np.float32(np.inf), "u": np.float32(0), "v": np.float32(0), "triangle": np.uint32(NO_TRIANGLE)}
+    return {key: np.where(kept, unbounded[key], missed[key]) for key in missed}
+
+
+@shared(128)
 def questions(mesh: Mesh, count: int, seed: int, triangle_test: str = "woop") -> tuple[Questions, ...]:
     """So many rays of every family that does not depend on the tree."""
     return tuple(

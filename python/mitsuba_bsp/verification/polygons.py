@@ -1,4 +1,4 @@
-"""Convex polygons cut by planes, many at once, in extended precision.
+"""Convex polygons cut by planes, many at once, in the precision that they are given in.
 
 Polygons of different numbers of vertices are rows of one array (m, k, 3); the shorter ones repeat a vertex at the end.
 """
@@ -8,18 +8,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: 64 bits of precision on x86, 11 more than the builder has.
+#: 64 bits of precision on x86, 11 more than the builder has; for what must be decided closer than the builder does.
 Real = np.longdouble
 
-Polygons = NDArray[np.longdouble]
+Polygons = NDArray[np.floating]
 
 
-def heights(polygons: Polygons, normals: NDArray, offsets: NDArray) -> NDArray[np.longdouble]:
+def heights(polygons: Polygons, normals: NDArray, offsets: NDArray) -> NDArray[np.floating]:
     """(m, k): normal . vertex - offset, with a plane for each polygon."""
-    return np.einsum("mkj,mj->mk", polygons, normals.astype(Real)) - offsets.astype(Real)[:, None]
+    real = polygons.dtype
+    return np.einsum("mkj,mj->mk", polygons, normals.astype(real)) - offsets.astype(real)[:, None]
 
 
-def cut(polygons: Polygons, above: NDArray[np.longdouble]) -> tuple[Polygons, NDArray[np.bool_]]:
+def cut(polygons: Polygons, above: NDArray[np.floating]) -> tuple[Polygons, NDArray[np.bool_]]:
     """The parts of polygons where `above` (m, k), which is linear on each of them, is not positive, and which exist.
 
     Those that do not exist are left out of the first result; the second has an entry for every polygon given.
@@ -32,18 +33,18 @@ def cut(polygons: Polygons, above: NDArray[np.longdouble]) -> tuple[Polygons, ND
         return polygons[kept], kept
     parts = _cut_crossed(polygons[crossed], above[crossed])
     width = max(parts.shape[1], polygons.shape[1])
-    result = np.empty((len(polygons), width, 3), Real)
+    result = np.empty((len(polygons), width, 3), polygons.dtype)
     result[whole] = _widened(polygons[whole], width)
     result[crossed] = _widened(parts, width)
     return result[kept], kept
 
 
-def _cut_crossed(polygons: Polygons, above: NDArray[np.longdouble]) -> Polygons:
+def _cut_crossed(polygons: Polygons, above: NDArray[np.floating]) -> Polygons:
     """Of polygons that have vertices on both sides."""
     following, above_following = np.roll(polygons, -1, axis=1), np.roll(above, -1, axis=1)
     inside, inside_following = above <= 0, above_following <= 0
     crossing = inside != inside_following
-    step = np.where(crossing, above - above_following, Real(1))
+    step = np.where(crossing, above - above_following, above.dtype.type(1))
     points = polygons + (following - polygons) * (above / step)[..., None]
     count, width = above.shape
     vertices = np.stack([polygons, points], axis=2).reshape(count, 2 * width, 3)

@@ -6,7 +6,7 @@ Every family is a function of a mesh, a count and a random generator that return
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -153,6 +153,12 @@ FAMILIES: dict[str, Callable[[Mesh, int, Generator], Rays]] = {
     "far": far_rays,
     "spawned": spawned_rays,
 }
+
+
+def in_turns(parts: Sequence[Sequence[np.ndarray]], count: int) -> tuple[np.ndarray, ...]:
+    """`count` rays of several families, each a few arrays: the first of each family, the second of each, and so on."""
+    together = (np.stack(arrays, axis=1) for arrays in zip(*parts, strict=True))
+    return tuple(np.ascontiguousarray(rays.reshape(-1, *rays.shape[2:])[:count]) for rays in together)
 
 
 #: Families of `interior_rays`.

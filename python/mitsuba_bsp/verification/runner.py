@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from .. import _core
-from ..machine import describe
+from ..machine import available_threads, describe
 from ..messages import one_sentence
 from ..records import ResultsFolder, append
 from .check import Check, Failure, Outcome, Plan, Record, Unit, rate_bound
@@ -21,8 +22,8 @@ from .check import Check, Failure, Outcome, Plan, Record, Unit, rate_bound
 _IDENTITY = ("check", "unit", "spec_full", "seed", "scale", "share", "sources")
 
 
-class Listener(Protocol):
-    """Who is told how a run goes."""
+class Listener:
+    """Who is told how a run goes; this one takes no notice."""
 
     def begin(self, check: Check, units: int, kept: int) -> None:
         """A check starts; so many of its units are known from an earlier run."""
@@ -94,35 +95,48 @@ def run(checks: Sequence[Check], plan: Plan, listener: Listener) -> list[Result]
     finished = _finished(plan)
     results = []
     for check in checks:
-        units = list(check.units(plan))
-        todo = [_identity(check, unit, plan) for unit in units]
-        listener.begin(check, len(units), sum(key in finished for key in todo))
-        rows = []
-        for unit, key in zip(units, todo, strict=True):
-            if key not in finished:
-                listener.unit(f"{check.id} {unit.name}")
-                finished[key] = _run_unit(check, unit, plan)
-                listener.unit_done()
-            rows.append(finished[key])
-        results.append(Result(check, tuple(rows)))
+        units = {_identity(check, unit, plan): unit for unit in check.units(plan)}
+        todo = {key: unit for key, unit in units.items() if key not in finished}
+        listener.begin(check, len(units), len(units) - len(todo))
+        for (key, unit), found in zip(todo.items(), _outcomes(check, list(todo.values()), listener), strict=True):
+            finished[key] = _record(check, unit, plan, *found)
+            listener.unit_done()
+        results.append(Result(check, tuple(finished[key] for key in units)))
         listener.end(results[-1])
     return results
 
 
-def run_unit(unit: Unit) -> Outcome:
-    """What a unit finds; an exception is a failure like any other."""
+def _outcomes(check: Check, units: Sequence[Unit], listener: Listener) -> Iterator[tuple[Outcome, float]]:
+    """What each unit finds and the seconds it took, in their order."""
+    if not check.at_once:
+        for unit in units:
+            listener.unit(f"{check.id} {unit.name}")
+            yield run_unit(unit)
+        return
+    pool = ThreadPoolExecutor(available_threads())
     try:
-        return unit.run()
+        started = [pool.submit(run_unit, unit) for unit in units]
+        for unit, future in zip(units, started, strict=True):
+            listener.unit(f"{check.id} {unit.name}")
+            yield future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def run_unit(unit: Unit) -> tuple[Outcome, float]:
+    """What a unit finds, and the seconds it took; an exception is a failure like any other."""
+    start = time.perf_counter()
+    try:
+        outcome = unit.run()
     except Exception as error:  # noqa: BLE001 - whatever it is, the other units have their turn
         outcome = Outcome(what="units")
         text = f"{unit.name}: {type(error).__name__}: {one_sentence(error)}"
         outcome.add("exception", 1, 1, lambda: Failure(text))
-        return outcome
+    return outcome, time.perf_counter() - start
 
 
-def _run_unit(check: Check, unit: Unit, plan: Plan) -> Record:
-    start = time.perf_counter()
-    outcome = run_unit(unit)
+def _record(check: Check, unit: Unit, plan: Plan, outcome: Outcome, seconds: float) -> Record:
+    """What is kept of a unit, also in the folder."""
     row = {
         **dict(zip(_IDENTITY, _identity(check, unit, plan), strict=True)),
         "spec": unit.spec,
@@ -132,7 +146,7 @@ def _run_unit(check: Check, unit: Unit, plan: Plan) -> Record:
         "judged": outcome.judged,
         "figures": outcome.figures,
         "failures": [_kept(failure, check, plan) for failure in outcome.failures],
-        "seconds": round(time.perf_counter() - start, 3),
+        "seconds": round(seconds, 3),
         **describe(),
     }
     if plan.folder is not None:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .audit import NeutralTree
-from .polygons import Polygons, Real, cut, heights
+from .polygons import Polygons, cut, heights
 
 
 def cell_volumes(tree: NeutralTree) -> NDArray[np.float64]:
@@ -20,10 +20,10 @@ def cell_volumes(tree: NeutralTree) -> NDArray[np.float64]:
         if not len(owners):
             break
         height = heights(faces, tree.normals[owners], tree.offsets[owners])
+        caps, cap_owners = _caps(tree, owners, faces, height)
         parts = []
         for sign, child in ((1, lambda nodes: nodes + 1), (-1, lambda nodes: tree.above[nodes].astype(int))):
             kept, exists = cut(faces, sign * height)
-            caps, cap_owners = _caps(tree, owners, faces, height)
             parts += [(child(owners[exists]), kept), (child(cap_owners), caps)]
         width = max(polygons.shape[1] for _, polygons in parts)
         owners = np.concatenate([nodes for nodes, _ in parts])
@@ -42,33 +42,33 @@ def _box_faces(box: NDArray[np.float64]) -> Polygons:
             face[:, i] = box[[0, 1, 1, 0], i]
             face[:, j] = box[[0, 0, 1, 1], j]
             faces.append(face)
-    return np.array(faces, Real)
+    return np.array(faces)
 
 
 def _add_volumes(volumes: NDArray[np.float64], owners: NDArray[np.intp], faces: Polygons) -> None:
     """Pyramids from a point inside each cell over its faces."""
     cells, cell = np.unique(owners, return_inverse=True)
-    middle = np.zeros((len(cells), 3), Real)
+    middle = np.zeros((len(cells), 3))
     np.add.at(middle, cell, faces.mean(axis=1))
     middle /= np.bincount(cell)[:, None]
     seen = faces - middle[cell][:, None]
     fans = np.einsum("mkj,mkj->mk", np.cross(seen[:, :1], seen[:, 1:-1]), seen[:, 2:])
-    np.add.at(volumes, owners, np.abs(fans.sum(axis=1)).astype(float) / 6)
+    np.add.at(volumes, owners, np.abs(fans.sum(axis=1)) / 6)
 
 
 def _caps(
-    tree: NeutralTree, owners: NDArray[np.intp], faces: Polygons, height: NDArray[np.longdouble]
+    tree: NeutralTree, owners: NDArray[np.intp], faces: Polygons, height: NDArray[np.float64]
 ) -> tuple[Polygons, NDArray[np.intp]]:
     """The polygon in which each cell meets its own plane: where the plane crosses edges, in order of the angle."""
     following, height_following = np.roll(faces, -1, axis=1), np.roll(height, -1, axis=1)
     crossing = (height <= 0) != (height_following <= 0)
-    step = np.where(crossing, height - height_following, Real(1))
+    step = np.where(crossing, height - height_following, 1.0)
     points = (faces + (following - faces) * (height / step)[..., None])[crossing]
     cell_of_point = np.repeat(owners, crossing.sum(axis=1))
     if not len(points):
-        return np.empty((0, 3, 3), Real), np.empty(0, int)
+        return np.empty((0, 3, 3)), np.empty(0, int)
     cells, cell, numbers = np.unique(cell_of_point, return_inverse=True, return_counts=True)
-    middle = np.zeros((len(cells), 3), Real)
+    middle = np.zeros((len(cells), 3))
     np.add.at(middle, cell, points)
     middle /= numbers[:, None]
     normal = tree.normals[cells]
