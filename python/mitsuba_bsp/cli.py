@@ -27,8 +27,8 @@ from .bench_cli import add_spec_option, run_with_bar, show
 from .compare import compare
 from .comparison import MIN_REPEATS, Options
 from .jobs import Job, JobError, run_job
-from .machine import describe
 from .messages import one_sentence
+from .provenance import made_by
 from .scene_content import Content, notes
 from .spec import parse_spec, value_text
 from .terminal import (
@@ -141,7 +141,6 @@ def _render(args: argparse.Namespace) -> int:
         raise ValueError(f"{args.output} ends neither in .exr nor in .png")
     if not args.scene.is_file():
         raise ValueError(f"there is no scene file {args.scene}")
-    header = {f"version_{key}": value for key, value in describe().items()}
     job = Job(
         kind="render",
         scene=str(args.scene.absolute()),
@@ -153,7 +152,7 @@ def _render(args: argparse.Namespace) -> int:
         seed=args.seed,
         threads=args.threads,
         image=str(args.output.absolute()),
-        header={"scene": args.scene.stem, "spec": spec.text, "spec_full": spec.full, **header},
+        header=made_by(args.scene.stem, spec),
         cache=str(args.cache or ""),
     )
     with err.status(f"rendering {args.scene} with {spec.text}"):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from .machine import describe
+from .provenance import made_by
 from .records import Record
 from .scene_content import Content
 from .spec import Spec
@@ -118,10 +119,4 @@ def context(options: Options, scene: SceneInfo) -> Record:
 
 def image_header(scene: SceneInfo, spec: Spec) -> dict[str, str]:
     """What an image says about how it was made, besides what the worker that renders it knows."""
-    return {
-        "scene": scene.name,
-        "scene_hash": scene.scene_hash,
-        "spec": spec.text,
-        "spec_full": spec.full,
-        **{f"version_{key}": value for key, value in describe().items()},
-    }
+    return {**made_by(scene.name, spec), "scene_hash": scene.scene_hash}

@@ -62,7 +62,8 @@ def _diff(args: argparse.Namespace) -> int:
             "give --variance V.exr (the scene rendered with the integrator moment)"
         )
     judgement = judge(one, other, args.gate, variance, args.same_seed)
-    _print(judgement)
+    for text in judgement.lines:
+        _line(text)
     _print_flip(one, other, judgement, args.output)
     return OK if judgement.same else DIFFERENT
 
@@ -74,12 +75,6 @@ def _renderings(args: argparse.Namespace) -> tuple[Rendering, Rendering]:
         read = read_rendering(path, spp)
         found.append(Rendering(read.name, read.image, {}, read.samples, read.variance) if args.ignore_header else read)
     return found[0], found[1]
-
-
-def _print(judgement: Judgement) -> None:
-    _line(f"gates: {', '.join(gate.name for gate in judgement.gates)} ({judgement.why})")
-    for gate in judgement.gates:
-        _line(f"{gate.name:9} {'passed' if gate.passed else 'FAILED'}  {gate.found}")
 
 
 def _print_flip(one: Rendering, other: Rendering, judgement: Judgement, output: Path | None) -> None:

@@ -67,6 +67,13 @@ class Judgement:
         return all(gate.passed for gate in self.gates)
 
     @property
+    def lines(self) -> list[str]:
+        """Which gates there were and why, and a line for each."""
+        names = ", ".join(gate.name for gate in self.gates)
+        found = [f"{gate.name:9} {'passed' if gate.passed else 'FAILED'}  {gate.found}" for gate in self.gates]
+        return [f"gates: {names} ({self.why})", *found]
+
+    @property
     def failed(self) -> list[Gate]:
         """The gates that were not passed, the one that decides first."""
         return [gate for gate in self.gates if not gate.passed]

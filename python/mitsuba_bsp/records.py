@@ -21,6 +21,11 @@ CONTEXT = (
 )  # fmt: skip
 
 
+def safe_name(text: str) -> str:
+    """A part of a file's name that tells two specs apart."""
+    return "".join(c if c.isalnum() or c in "=.-+" else "_" for c in text)
+
+
 @dataclass(frozen=True)
 class ResultsFolder:
     """The files of one comparison.
@@ -69,8 +74,7 @@ class ResultsFolder:
 
     def image(self, scene: str, spec: str) -> Path:
         """Where the EXR image of a scene and spec goes."""
-        safe = "".join(c if c.isalnum() or c in "=.-+" else "_" for c in spec)
-        return self.path / "images" / f"{scene}--{safe}.exr"
+        return self.path / "images" / f"{scene}--{safe_name(spec)}.exr"
 
     def records(self) -> list[Record]:
         """All timed runs, in the order in which they finished."""

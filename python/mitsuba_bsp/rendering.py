@@ -14,8 +14,8 @@ import numpy as np
 from .exr import write_exr
 from .jobs import Job
 from .loading import LoadedScene, open_file
-from .machine import c_library
-from .render_setup import filter_name, fix_block_size, set_resolution, use_box_filter, watch_costs
+from .provenance import made_how
+from .render_setup import fix_block_size, set_resolution, use_box_filter, watch_costs
 from .spec import parse_spec
 from .streams import check_recording
 from .swap import GroupOptions
@@ -109,14 +109,7 @@ def record_frame(job: Job, loaded: LoadedScene, file: Path, stage: Stage) -> tup
 
 def provenance(job: Job, scene: mi.Scene) -> dict[str, str]:
     """The header of an image: what the job says, and what decides which paths were traced."""
-    return {
-        **job.header,
-        "variant": job.variant,
-        "spp": str(scene.sensors()[0].sampler().sample_count()),  # a sampler may have rounded it up
-        "seed": str(job.seed),
-        "filter": filter_name(scene),
-        "version_libc": c_library(),
-    }
+    return {**job.header, **made_how(scene, job.variant, job.seed)}
 
 
 def write_image(path: Path, scene: mi.Scene, pixels: np.ndarray, header: Mapping[str, str]) -> None:
