@@ -62,7 +62,8 @@ public:
             _mm_and_ps(_mm_cmple_ps(distance, _mm_set1_ps(farthest)), _mm_cmple_ps(speed, _mm_set1_ps(m_fastest)));
         const bool moves = (_mm_movemask_ps(_mm_cmpge_ps(speed, _mm_set1_ps(slowest))) & 7) != 0;
         const __m128 end = _mm_min_ps(_mm_set1_ps(m_end), _mm_mul_ps(d, factor)); // the second, if it is not a number
-        const bool lasts = (_mm_movemask_ps(_mm_cmpge_ps(end, _mm_set1_ps(smallest_normal))) & 8) != 0;
+        // The smallest normal number itself may have been rounded up to.
+        const bool lasts = (_mm_movemask_ps(_mm_cmpgt_ps(end, _mm_set1_ps(smallest_normal))) & 8) != 0;
         if (__builtin_expect(((_mm_movemask_ps(usual) & 7) == 7) & moves & lasts, true))
             return {o, _mm_blend_ps(d, end, 8), m_inverse};
         return apply_with_care(ray);

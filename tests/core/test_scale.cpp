@@ -148,4 +148,18 @@ TEST(Scale, IntervalsOfEveryKind) {
     }
 }
 
+TEST(Scale, EndsAreNotRoundedUpInAHugeScene) {
+    const float far = 0x1p126f; // the scale makes 1 the smallest normal number, and what is below it denormal
+    const TriangleSet set =
+        make_set({{{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}}, {{far, 0, 0}, {far, far, 0}, {far, 0, far}}});
+    for (const Settings &settings : some_settings()) {
+        const auto tree = make_accelerator(set, settings);
+        const Ray short_of_it{{0, 0, 1}, {0, 0, -1}, std::nextafter(1.0f, 0.0f)};
+        EXPECT_FALSE(tree->any(short_of_it)) << full_spec(settings);
+        EXPECT_FALSE(tree->closest(short_of_it).found()) << full_spec(settings);
+        EXPECT_TRUE(tree->any({{0, 0, 1}, {0, 0, -1}, 1})) << full_spec(settings);
+        EXPECT_EQ(tree->closest({{0, 0, 1}, {0, 0, -1}, 1}).t, 1) << full_spec(settings);
+    }
+}
+
 } // namespace
