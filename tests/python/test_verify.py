@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from mitsuba_bsp.verification.check import Check, Plan, all_checks
@@ -31,3 +33,12 @@ def test_caps_are_reached(plan: Plan) -> None:
         if row["share"] == 1:
             capped = [name for name, value in row["figures"].items() if name.endswith("capped") and value]
             assert len(capped) >= 2, row["spec"]
+
+
+def test_garbage_is_hit(tmp_path: Path) -> None:
+    """Or N08 would show nothing."""
+    plan = Plan(default_subjects()[:2], scale=0.001, folder=tmp_path)
+    (result,) = run([all_checks()["N08"]], plan, Listener())
+    assert result.passed and result.records
+    for row in result.records:
+        assert row["figures"]["hits"] > 500 and row["figures"]["dropped"] > 100

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from .check import Failure, Outcome, Plan, Subject, Unit, check, subject_units
+from .contest import main_subjects
 from .meshes import Mesh, sphere, split_square
 from .oracle import Questions, build, found
 from .rays import INTERIOR_FAMILIES, Rays, interior_rays
@@ -24,6 +25,9 @@ STEPS, VARIANT_STEPS = 50, 16
 
 SQUARE_SIZES = (4, 16, 64, 256, 1024, 4096)
 VARIANT_SQUARE_SIZES = (4, 16, 64, 256)
+
+#: At night, each with ten seeds.
+LARGE_SQUARE_SIZES, SQUARE_SEEDS = (4, 16, 64, 256, 1024, 4096, 16_384, 65_536), 10
 PIXELS = 256
 
 
@@ -59,12 +63,30 @@ def split_square_is_whole(plan: Plan) -> Iterator[Unit]:
 def _cross_square(plan: Plan, subject: Subject) -> Outcome:
     outcome = _outcome(subject)
     for size in SQUARE_SIZES if subject.share == 1 else VARIANT_SQUARE_SIZES:
-        mesh = _square(size, plan.seed)
-        tree = build(mesh, subject.spec)
-        pixels, aimed = _pixels(plan, subject), _aimed(mesh)
-        _all_hit(outcome, plan, subject, mesh, "pixels", pixels, tree)
-        _all_hit(outcome, plan, subject, mesh, "vertices and edges", aimed, tree)
+        _cross(outcome, plan, subject, size, plan.seed)
     return outcome
+
+
+@check("N05", "no ray passes through a split square of up to 65,536 triangles", at_once=True)
+def large_square_is_whole(plan: Plan) -> Iterator[Unit]:
+    for subject in main_subjects(plan):
+        text = subject.spec.text
+        for size in LARGE_SQUARE_SIZES:
+            yield Unit(f"{text} {size}", text, lambda s=subject, n=size: _cross_squares(plan, s, n))
+
+
+def _cross_squares(plan: Plan, subject: Subject, size: int) -> Outcome:
+    outcome = _outcome(subject)
+    for seed in range(plan.seed, plan.seed + SQUARE_SEEDS):
+        _cross(outcome, plan, subject, size, seed)
+    return outcome
+
+
+def _cross(outcome: Outcome, plan: Plan, subject: Subject, size: int, seed: int) -> None:
+    mesh = _square(size, seed)
+    tree = build(mesh, subject.spec)
+    _all_hit(outcome, plan, subject, mesh, "pixels", _pixels(plan, subject), tree)
+    _all_hit(outcome, plan, subject, mesh, "vertices and edges", _aimed(mesh), tree)
 
 
 def _outcome(subject: Subject) -> Outcome:

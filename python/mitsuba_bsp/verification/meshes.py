@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, insort
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -152,18 +153,19 @@ def split_square(name: str, triangles: int, seed: int) -> Mesh:
     """
     rng = np.random.default_rng([seed, triangles])
     points = [np.float32(p) for p in ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))]
-    faces = {(0, 1, 2), (0, 2, 3)}
+    faces = [(0, 1, 2), (0, 2, 3)]  # in order
     edges = {edge: face for face in faces for edge in _edges(face)}  # directed, so each has one face
 
     def replace(old: tuple[int, int, int], new: list[tuple[int, int, int]]) -> None:
-        faces.remove(old)
-        faces.update(new)
+        faces.pop(bisect_left(faces, old))
+        for face in new:
+            insort(faces, face)
         for edge in _edges(old):
             edges.pop(edge)
         edges.update((edge, face) for face in new for edge in _edges(face))
 
     while len(faces) < triangles:
-        face = sorted(faces)[rng.integers(len(faces))]
+        face = faces[rng.integers(len(faces))]
         weights = rng.dirichlet((1, 1, 1))
         a, b, c = face
         p = len(points)
@@ -176,7 +178,7 @@ def split_square(name: str, triangles: int, seed: int) -> Mesh:
         else:
             replace(face, [(a, b, p), (b, c, p), (c, a, p)])
         points.append(sum(np.float64(w) * points[v] for w, v in zip(weights, face, strict=True)).astype(np.float32))
-    return _mesh(name, np.array(points), np.array(sorted(faces)))
+    return _mesh(name, np.array(points), np.array(faces))
 
 
 def _edges(face: tuple[int, int, int]) -> list[tuple[int, int]]:
