@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "builder.h"
+#include "choice.h"
 #include "replay.h"
 #include "settings.h"
 #include "tree.h"
@@ -98,8 +99,9 @@ nb::list survey_planes(const Rows3 &vertices, const Faces &faces, const std::str
     bsp::TriangleSet set = to_triangles(vertices, faces);
     set.rescale();
     nb::list result;
-    for (const bsp::LevelPlanes &level :
-         watched([&](bsp::BuildMonitor &monitor) { return bsp::survey_planes(set, settings, &monitor); }))
+    for (const bsp::LevelPlanes &level : watched([&](bsp::BuildMonitor &monitor) {
+             return bsp::survey_planes(set, bsp::choose_tree(set, settings, &monitor).settings, &monitor);
+         }))
         result.append(nb::make_tuple(level.considered, level.different));
     return result;
 }
@@ -120,7 +122,7 @@ nb::dict neutral_tree(const Rows3 &vertices, const Faces &faces, const std::stri
     bsp::Tree tree;
     {
         nb::gil_scoped_release release;
-        tree = bsp::build_tree(set, settings);
+        tree = bsp::build_tree(set, bsp::choose_tree(set, settings).settings);
     }
     std::vector<std::uint8_t> is_leaf;
     std::vector<float> planes;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "builder.h"
+#include "choice.h"
 #include "packed_tree.h"
 #include "tree_file.h"
 
@@ -106,11 +107,23 @@ void warn_of_caps(const Tree &tree, const Settings &settings, Statistics &statis
 }
 
 template <typename Test>
-std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settings, const BuildOptions &options) {
-    Statistics statistics = describe(set, settings);
-    if (settings.tree == TreeKind::brute)
+std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted, const BuildOptions &options) {
+    Statistics statistics = describe(set, wanted);
+    if (wanted.tree == TreeKind::brute)
         return std::make_unique<BruteForce<Test>>(set, std::move(statistics));
     const auto start = std::chrono::steady_clock::now();
+    const auto passed_s = [&] {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    const Choice choice = choose_tree(set, wanted, options.monitor);
+    const Settings &settings = choice.settings;
+    if (wanted.tree == TreeKind::automatic) {
+        statistics.chosen = full_spec(settings);
+        statistics.choice = choice.reason;
+        statistics.choose_s = passed_s();
+        statistics.predicted_build_s = choice.build_s;
+        statistics.predicted_trace_s = choice.trace_s;
+    }
     std::optional<TreeFile> file;
     std::optional<Tree> tree;
     if (!options.cache.empty()) {
@@ -120,7 +133,7 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &settin
     statistics.loaded = tree.has_value();
     if (!tree)
         tree = build_tree(set, settings, options.monitor);
-    statistics.build_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    statistics.build_s = passed_s();
     if (file && !statistics.loaded)
         save(*file, *tree, statistics);
     warn_of_caps(*tree, settings, statistics);

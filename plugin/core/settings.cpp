@@ -55,15 +55,22 @@ double parse_number(const std::string &key, const std::string &text, double lowe
 }
 
 /// The trees that a setting has a meaning for.
-enum class For { all, built, oblique, swept, drawn, normals, axes_held, rbsp };
+enum class For { all, tree, automatic, seeded, built, oblique, swept, drawn, normals, axes_held, rbsp };
 
 bool applies(For trees, TreeKind tree) {
-    const bool built = tree != TreeKind::brute, oblique = built && tree != TreeKind::kd;
+    const bool automatic = tree == TreeKind::automatic;
+    const bool built = !automatic && tree != TreeKind::brute, oblique = built && tree != TreeKind::kd;
     const bool rbsp = tree == TreeKind::rbsp, axes_held = rbsp || tree == TreeKind::ize;
     switch (trees) {
     case For::all:
         return true;
-    case For::built:
+    case For::tree:
+        return built || automatic;
+    case For::automatic:
+        return automatic;
+    case For::seeded:
+        return automatic || (oblique && !axes_held);
+    case For::built: // by settings, not by what `auto` finds
         return built;
     case For::oblique:
         return oblique;
@@ -94,7 +101,8 @@ template <typename Enum> struct Word {
     Enum value;
 };
 
-constexpr std::array<Word<TreeKind>, 7> tree_words{{{"kd", TreeKind::kd},
+constexpr std::array<Word<TreeKind>, 8> tree_words{{{"auto", TreeKind::automatic},
+                                                    {"kd", TreeKind::kd},
                                                     {"rbsp", TreeKind::rbsp},
                                                     {"ize", TreeKind::ize},
                                                     {"random", TreeKind::random},
@@ -208,7 +216,7 @@ std::vector<Key> direction_keys() {
                             "triangles lend their normals: triangle, all alike; area, in proportion to their area "
                             "inside the node",
                             For::normals, weighting_words, [](Settings &s) -> Weighting & { return s.weighting; }),
-        integer_key<std::uint64_t>("seed", "seed of every random choice of the builder", For::drawn, 0,
+        integer_key<std::uint64_t>("seed", "seed of every random choice of the builder", For::seeded, 0,
                                    std::int64_t(1) << 53, "an integer from 0 to 2^53",
                                    [](Settings &s) -> std::uint64_t & { return s.seed; }),
         word_key<TriangleTest>(
@@ -218,13 +226,13 @@ std::vector<Key> direction_keys() {
                              "nodes of seven planes tested at once (wide) or of one, as in the papers (binary)",
                              For::built, layout_words, [](Settings &s) -> LayoutKind & { return s.layout; }),
         word_key<Simd>("simd", "instructions for wide nodes, the best of this processor or these; answers are the same",
-                       For::built, simd_words, [](Settings &s) -> Simd & { return s.simd; }),
+                       For::tree, simd_words, [](Settings &s) -> Simd & { return s.simd; }),
         word_key<Precision>(
             "precision",
             "where a ray's interval is cut it is widened: safe, by a bound on all rounding errors, so "
             "that no hit is lost; epsilon, by 1e-5 of the largest coordinate (up to a factor of 2) along "
             "the ray; fast, not at all",
-            For::built, precision_words, [](Settings &s) -> Precision & { return s.precision; }),
+            For::tree, precision_words, [](Settings &s) -> Precision & { return s.precision; }),
     };
 }
 
@@ -277,12 +285,17 @@ std::vector<Key> rule_keys() {
                  "times a leaf of fewer than 16 triangles it is not made",
                  For::built, [](Settings &s) -> bool & { return s.retract; }),
         integer_key<int>("max_depth", "levels of interior nodes; 0: depth_margin + 1.6 log2(triangles), at most 60",
-                         For::built, 0, depth_limit, "an integer from 0 to 60",
+                         For::tree, 0, depth_limit, "an integer from 0 to 60",
                          [](Settings &s) -> int & { return s.max_depth; }),
-        number_key("depth_margin", "see max_depth", For::built, 0, depth_limit, "a number from 0 to 60",
+        number_key("depth_margin", "see max_depth", For::tree, 0, depth_limit, "a number from 0 to 60",
                    [](Settings &s) -> double & { return s.depth_margin; }),
-        number_key("max_references", "cap on references per triangle over the whole tree", For::built, 1, 1000,
+        number_key("max_references", "cap on references per triangle over the whole tree", For::tree, 1, 1000,
                    "a number from 1 to 1000", [](Settings &s) -> double & { return s.max_references; }),
+        number_key("expected_rays",
+                   "rays that will be traced: for few a tree that is built quickly is chosen, for many one that is "
+                   "traced quickly",
+                   For::automatic, 0, 1e18, "a number from 0 to 1e18",
+                   [](Settings &s) -> double & { return s.expected_rays; }),
     };
 }
 
@@ -426,6 +439,8 @@ TreeTraits traits_of(const Settings &s) {
     const int axes = s.axes == AxesPolicy::none ? 0 : 6, swept = 2 * s.k;
     const std::string besides = s.axes == AxesPolicy::none ? "" : "x, y, z and ";
     switch (s.tree) {
+    case TreeKind::automatic:
+        return {"those of kd or normals, whichever it chooses", true, true, swept, 6};
     case TreeKind::kd:
         return {"x, y, z", false, false, 6, 6};
     case TreeKind::rbsp:

@@ -10,7 +10,7 @@
 
 namespace bsp {
 
-enum class TreeKind { kd, rbsp, ize, random, normals, clustered, brute };
+enum class TreeKind { automatic, kd, rbsp, ize, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
 /// How a traversal allows for rounding errors where it cuts a ray's interval at a plane or at the scene's box.
@@ -102,6 +102,7 @@ struct Settings {
     int max_depth = 0;           ///< levels of interior nodes; 0: depth_margin + 1.6 log2(n), at most depth_limit
     double depth_margin = 8;     ///< see `max_depth`
     double max_references = 8.0; ///< cap on references per triangle, over the whole tree
+    double expected_rays = 5e7;  ///< automatic: what the choice between quick builds and quick rays is made for
 };
 
 /// No tree is deeper than this; the traversal stack has room for it.

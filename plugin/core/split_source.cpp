@@ -204,6 +204,7 @@ std::unique_ptr<SplitSource> make_split_source(const Settings &settings) {
         return std::make_unique<TriangleNormals>(settings.weighting);
     case TreeKind::clustered:
         return std::make_unique<ClusteredNormals>(settings.weighting);
+    case TreeKind::automatic:
     case TreeKind::kd:
     case TreeKind::ize:
     case TreeKind::brute:

@@ -97,6 +97,11 @@ std::string to_json(const Statistics &s) {
     {
         JsonObject object(out);
         object.add("spec", s.spec);
+        object.add("chosen", s.chosen);
+        object.add("choice", s.choice);
+        object.add("choose_s", s.choose_s);
+        object.add("predicted_build_s", s.predicted_build_s);
+        object.add("predicted_trace_s", s.predicted_trace_s);
         object.add("triangles", s.triangles);
         object.add("dropped_triangles", s.dropped_triangles);
         object.add("nodes", s.nodes);

@@ -107,6 +107,8 @@ protected:
         if (s.dropped_triangles > 0)
             Log(Warn, "%d of %d triangles have no area or a vertex that is not finite: they are left out",
                 s.dropped_triangles, given);
+        if (!s.choice.empty())
+            Log(Info, "auto: %s", s.choice);
         Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %s in %.3f s", s.spec, s.triangles, s.nodes,
             s.references, s.loaded ? "loaded" : "built", s.build_s);
     }
@@ -117,7 +119,7 @@ protected:
 
 private:
     static bsp::Settings read_settings(const Properties &props) {
-        const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "kd";
+        const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "auto";
         std::vector<std::string> names{"tree", "count", "record", "replay", "cache", "expand"};
         bsp::Options options;
         for (const bsp::SettingHelp &setting : bsp::settings_help(tree)) {

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.table import Table
 
 from . import (
+    bench_auto_cli,
     bench_build_cli,
     bench_rays_cli,
     bench_render_cli,
@@ -73,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
 
     sub = commands.add_parser("render", help="render one scene under one accelerator")
     sub.add_argument("scene", type=Path, metavar="SCENE.xml")
-    sub.add_argument("--spec", default="kd", metavar="SPEC", help="default: %(default)s")
+    sub.add_argument("--spec", default="auto", metavar="SPEC", help="default: %(default)s")
     sub.add_argument("-o", "--output", type=Path, required=True, metavar="IMAGE", help="an .exr or .png file")
     sub.add_argument("--seed", type=_seed, default=0, metavar="N", help="default: %(default)s")
     _add_render_options(sub)
@@ -81,7 +82,7 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = commands.add_parser("bench", help="measure one part of rendering at a time")
     kinds = bench.add_subparsers(title="what is measured", required=True, metavar="WHAT")
-    for kind in (bench_rays_cli, bench_render_cli, bench_build_cli, bench_thesis_cli):
+    for kind in (bench_rays_cli, bench_render_cli, bench_build_cli, bench_auto_cli, bench_thesis_cli):
         kind.add_command(kinds)
     calibrate_cli.add_command(commands)
     study_cli.add_command(commands)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 #: Colours that the colour-blind can tell apart (Okabe, Ito 2008), by the name of the accelerator.
 COLOURS = {
+    "auto": "#E69F00",
     "kd": "#000000",
     "rbsp": "#CC79A7",
     "ize": "#B8860B",

@@ -17,7 +17,7 @@ from .messages import one_sentence
 
 Kind = Literal[
     "inspect", "count", "time", "render", "blame", "record", "replay", "frames", "build", "grow",
-    "work", "planes", "normals", "slice",
+    "totals", "work", "planes", "normals", "slice",
 ]  # fmt: skip
 
 #: How an accelerator that gives recorded answers is called beside the specs.
@@ -41,6 +41,7 @@ class Job:
     `record` renders it once and writes its rays to `streams`; `replay` times those rays under each of `specs`.
     `frames` times rendering under each of `specs`, on one thread with recorded answers too, which are in the file
     `streams` for a moment.
+    `totals` times building and rendering under each of `specs`, for the pictures that `choices` name.
     `build` measures building alone; `grow` likewise, of a tree over its meshes tessellated to `triangles`.
     `work` counts what the rays of a frame cost under `spec`; `planes`, `normals` and `slice` look at the tree itself:
     see the modules of these names in `studies`. What the latter find besides numbers goes into the file `arrays`;

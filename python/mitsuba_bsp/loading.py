@@ -15,6 +15,7 @@ from pathlib import Path
 import drjit as dr
 import mitsuba as mi
 
+from .expected_rays import AUTO, with_expected_rays
 from .messages import choices
 from .scene_content import Content, notes
 from .scene_objects import make_objects
@@ -51,6 +52,11 @@ class LoadedScene:
     def meshes(self) -> list[mi.Mesh]:
         """The triangle meshes that go under the accelerator of the scene itself, in scene order."""
         return self.containers[0].meshes
+
+    @property
+    def sensor(self) -> mi.Sensor | None:
+        """The scene's first sensor, which is that of the picture."""
+        return next((child for _, child in self.containers[0].children if isinstance(child, mi.Sensor)), None)
 
     @property
     def content(self) -> Content:
@@ -99,7 +105,7 @@ class LoadedScene:
 
 def load_file(
     path: str | Path,
-    spec: str,
+    spec: str = AUTO,
     parallel: bool = True,
     optimize: bool = True,
     cache: str | Path | None = None,
@@ -118,7 +124,7 @@ def load_file(
 
 def load_string(
     value: str,
-    spec: str,
+    spec: str = AUTO,
     parallel: bool = True,
     optimize: bool = True,
     cache: str | Path | None = None,
@@ -134,7 +140,7 @@ def load_string(
 
 def load_dict(
     dict: Mapping[str, object],
-    spec: str,
+    spec: str = AUTO,
     parallel: bool = True,
     optimize: bool = True,
     cache: str | Path | None = None,
@@ -244,4 +250,5 @@ def _finish(loaded: LoadedScene, spec: Spec, cache: str | Path | None) -> mi.Sce
     if spec.plugin:
         for note in notes(loaded.content):
             mi.Log(mi.LogLevel.Warn, note)
+    spec = with_expected_rays(spec, loaded.sensor, None)
     return loaded.construct(loaded.regrouped(spec, GroupOptions(cache=cache)))

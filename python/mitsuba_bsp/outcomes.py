@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import bench_rays_table, bench_render_table, build_table, calibration, compare_table, thesis_table
+from . import bench_rays_table, bench_render_table, build_table, calibration, compare_table, thesis_table, totals_table
 from .asked import asked, options_of, scenes_of
 from .builds import BuildOptions
 from .comparison import Failure, Options, SceneInfo
@@ -22,6 +22,7 @@ from .replays import RayOptions, newest_replay
 from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions
 from .text_table import TextTable, text_markdown
+from .totals import TotalOptions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -164,6 +165,9 @@ _KINDS: Mapping[str, _Kind] = {
     "bench render": replace(
         _plain("Whole frames", "", bench_render_table.make_frame_tables, Options),
         legend=lambda found: bench_render_table.legend(found.options.threads),
+    ),
+    "bench auto": _plain(
+        "Building and rendering together", totals_table.LEGEND, totals_table.make_total_tables, TotalOptions
     ),
     "bench thesis": _plain("The thesis's counters", thesis_table.LEGEND, thesis_table.make_thesis_tables, Options),
     "bench build": _Kind(

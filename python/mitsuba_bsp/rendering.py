@@ -11,6 +11,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
+from .expected_rays import with_expected_rays
 from .exr import write_exr
 from .jobs import Job
 from .loading import LoadedScene, open_file
@@ -20,6 +21,7 @@ from .spec import parse_spec
 from .streams import check_recording
 from .swap import GroupOptions
 from .tree_statistics import statistics
+from .turning import turn
 
 Stage = Callable[[str], None]
 
@@ -44,10 +46,11 @@ class Frame:
         return hashlib.sha256(np.ascontiguousarray(self.pixels)).hexdigest()
 
 
-def load(job: Job, stage: Stage, box: bool = False, costs: bool = False) -> LoadedScene:
+def load(job: Job, stage: Stage, box: bool = False, costs: bool = False, turned: int | None = None) -> LoadedScene:
     """Make the scene's objects, with the film and integrator that the job asks for.
 
-    `box`: with the box filter. `costs`: every pixel also says what its rays cost.
+    `box`: with the box filter. `costs`: every pixel also says what its rays cost. `turned`: everything
+    is turned at random, with this seed.
     """
 
     def edit(state: mi.parser.ParserState) -> None:
@@ -58,6 +61,8 @@ def load(job: Job, stage: Stage, box: bool = False, costs: bool = False) -> Load
         if costs:
             watch_costs(state)
         fix_block_size(state)
+        if turned is not None:
+            turn(state, turned)
 
     stage(f"loading {job.scene}")
     return open_file(job.scene, params=job.params, edit=edit)
@@ -67,7 +72,8 @@ def construct(
     job: Job, loaded: LoadedScene, stage: Stage, options: GroupOptions | None = None
 ) -> tuple[mi.Scene, float]:
     """The scene under `job.spec`, and the seconds it took to construct it from loaded objects."""
-    state = loaded.regrouped(parse_spec(job.spec), options or GroupOptions(cache=job.cache))
+    spec = with_expected_rays(parse_spec(job.spec), loaded.sensor, job.spp)
+    state = loaded.regrouped(spec, options or GroupOptions(cache=job.cache))
     stage(f"building {job.spec} for {job.scene}")
     start = time.perf_counter()
     scene = loaded.construct(state)

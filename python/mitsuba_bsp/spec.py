@@ -137,6 +137,18 @@ def spec_text(name: str, **options: Value | None) -> str:
     return f"{name}:{pairs}" if pairs else name
 
 
+def shortest(text: str) -> str:
+    """The same accelerator, with only those settings that are not its defaults."""
+    spec = parse_spec(text)
+    found = spec.name
+    kept: dict[str, Value] = {}
+    for key, value in spec.settings.items():  # in an order in which those that decide others' defaults come first
+        if parse_spec(found).settings[key] != value:
+            kept[key] = value
+            found = spec_text(spec.name, **kept)
+    return found
+
+
 def value_text(value: Value) -> str:
     """A value as it is written in a spec."""
     if isinstance(value, bool):

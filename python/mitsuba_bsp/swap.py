@@ -213,7 +213,7 @@ def _check_tree_settings(plugin: str, given: Mapping[str, str]) -> None:
     options = dict(given)
     name = "native"
     if plugin == "bsptree":
-        name = options.pop("tree", "kd")
+        name = options.pop("tree", "auto")
         for path in _PLUGIN_PATHS:
             options.pop(path, None)
     make_spec(name, options, plugin)

@@ -30,6 +30,7 @@ from .scene_hash import referenced_file, scene_hash
 from .studies import normals, planes, work
 from .studies import slice as cross_section
 from .swap import GroupOptions
+from .total_jobs import measure_totals
 from .tree_statistics import statistics
 
 
@@ -187,6 +188,7 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "frames": time_frames,
     "build": build,
     "grow": grow,
+    "totals": measure_totals,
     "work": work.measure,
     "planes": planes.measure,
     "normals": normals.measure,

@@ -63,4 +63,4 @@ def test_it_reports_a_mistake(tmp_path: Path) -> None:
     result = stock_command(tmp_path, "wrong.xml")
     assert result.returncode != 0
     said = result.stdout + result.stderr
-    assert "there is no tree 'oak': the trees are kd, rbsp, ize, random, normals, clustered, brute" in said
+    assert "there is no tree 'oak': the trees are auto, kd, rbsp, ize, random, normals, clustered, brute" in said

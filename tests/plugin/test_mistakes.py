@@ -11,6 +11,7 @@ import pytest
 from .plugin_scenes import ball, place, to_mesh
 
 CUBE = {"type": "cube"}
+TREES = "auto, kd, rbsp, ize, random, normals, clustered, brute"
 BSPTREE = "tree, count, record, replay, cache, expand"
 NATIVE = "count, check, expand, kd_intersection_cost, kd_traversal_cost"
 
@@ -36,12 +37,13 @@ def ellipsoids() -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"colour": 3}, f'a bsptree with tree=kd has no property "colour": its properties are {BSPTREE}, '),
-        ({"k": 6}, f'a bsptree with tree=kd has no property "k": its properties are {BSPTREE}, '),
+        ({"colour": 3}, f'a bsptree with tree=auto has no property "colour": its properties are {BSPTREE}, '),
+        ({"k": 6}, f'a bsptree with tree=auto has no property "k": its properties are {BSPTREE}, '),
+        ({"tree": "kd", "k": 6}, f'a bsptree with tree=kd has no property "k": its properties are {BSPTREE}, '),
         ({"to_world": place}, 'has no property "to_world": its properties are'),
         ({"cache": 3}, 'the property "cache" of a bsptree is a text: the path of a folder'),
-        ({"tree": "oak"}, "there is no tree 'oak': the trees are kd, rbsp, ize, random, normals, clustered, brute"),
-        ({"tree": 3}, "there is no tree '3': the trees are kd, rbsp, ize, random, normals, clustered, brute"),
+        ({"tree": "oak"}, f"there is no tree 'oak': the trees are {TREES}"),
+        ({"tree": 3}, f"there is no tree '3': the trees are {TREES}"),
         ({"tree": "random", "k": 0}, "k=0 is not valid: k is an integer from 1 to 32"),
         ({"tree": "random", "k": 1000}, "k=1000 is not valid: k is an integer from 1 to 32"),
         ({"tree": "random", "k": 6.5}, "k=6.5 is not valid: k is an integer from 1 to 32"),
@@ -50,8 +52,8 @@ def ellipsoids() -> dict[str, Any]:
         ({"tree": "random", "k": place}, 'the property "k" of a bsptree is a text, a number or a boolean'),
         ({"tree": "normals", "axes": "slow"}, "axes=slow is not valid: axes is one of none, plain, fast"),
         ({"triangle_test": "box"}, "triangle_test=box is not valid: triangle_test is one of woop, mt"),
-        ({"intersection_cost": -1.0}, "intersection_cost=-1 is not valid: intersection_cost is a number above 0"),
-        ({"empty_bonus": "nan"}, "empty_bonus=nan is not valid: empty_bonus is a number from 0 to 1"),
+        ({"tree": "kd", "intersection_cost": -1.0}, "intersection_cost=-1 is not valid: "),
+        ({"tree": "kd", "empty_bonus": "nan"}, "empty_bonus=nan is not valid: empty_bonus is a number from 0 to 1"),
         ({"count": "yes"}, 'the property "count" of a bsptree is a boolean: true or false'),
         ({"expand": 1}, 'the property "expand" of a bsptree is a boolean: true or false'),
     ],

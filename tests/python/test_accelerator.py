@@ -162,7 +162,7 @@ def test_a_survey_without_large_exact_sweeps_sees_fewer_planes() -> None:
 
 @pytest.mark.parametrize("spec", ["brute", "embree", "embree:robust=true", "native"])
 def test_a_survey_needs_a_tree_of_ours(spec: str) -> None:
-    sentence = f'^spec "{spec}": "{spec.partition(":")[0]}" sweeps no planes here \\(valid here: kd, [a-z, ]+\\)$'
+    sentence = f'^spec "{spec}": "{spec.partition(":")[0]}" sweeps no planes here \\(valid here: auto, kd, [a-z, ]+\\)$'
     with pytest.raises(ValueError, match=sentence) as caught:
         survey_planes(CORNERS, FACES, spec)
     assert "brute" not in str(caught.value).partition("valid here")[2]

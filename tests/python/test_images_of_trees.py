@@ -7,12 +7,13 @@ from pathlib import Path
 import mitsuba as mi
 import pytest
 
+from mitsuba_bsp.spec import parse_spec
 from mitsuba_bsp.verification.meshes import Mesh, sphere
 from mitsuba_bsp.verification.subjects import trees
 from mitsuba_bsp.verification.wrapped import to_mitsuba
 from pytest_mitsuba_bsp import ImageRegression
 
-OURS = [spec for tree in trees() for spec in (tree, f"{tree}:layout=binary")]
+OURS = [*trees(), *(f"{tree}:layout=binary" for tree in trees() if "layout" in parse_spec(tree).settings)]
 OTHERS = ["embree", "embree:robust=true", "native"]
 
 

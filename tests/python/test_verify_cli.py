@@ -69,7 +69,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
     [
         (["--only", "C1"], 'there is no check "C1", did you mean "C'),
         (["--specs", "oak"], 'spec "oak": there is no accelerator "oak"'),
-        (["--specs", "embree"], 'spec "embree": only trees can be verified (valid names: kd, '),
+        (["--specs", "embree"], 'spec "embree": only trees can be verified (valid names: auto, kd, '),
         (["--replay", "none.json"], "there is no case file none.json"),
         (["--replay", "broken.json"], "broken.json is not a case: "),
         (["--replay", "other.json"], "other.json is not a case: it has no 'vertices'"),

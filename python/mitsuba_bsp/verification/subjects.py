@@ -15,6 +15,7 @@ VARIANT_SHARE = 0.1
 #: What no list of names in a setting's documentation leads to: trees that are deeper, shallower, of other directions.
 MORE_OF_EACH = ("intersection_cost=2",)
 MORE = {
+    "auto": ("expected_rays=0", "expected_rays=1e15"),
     "rbsp": ("directions=spiral,k=8", "layout=binary,cached_dots=false"),
     "normals": ("k=3", "k=32", "axes=none,k=1", "leaf_size=64", "max_depth=3"),
 }
@@ -55,7 +56,8 @@ def _variants(tree: str) -> Iterator[Spec]:
                 yield parse_spec(f"{tree}:{setting.name}={value}")
             except ValueError:  # this value goes only with others
                 continue
-    yield from (parse_spec(f"{tree}:{more}") for more in (*MORE_OF_EACH, *MORE.get(tree, ())))
+    more_of_each = (more for more in MORE_OF_EACH if more.partition("=")[0] in parse_spec(tree).settings)
+    yield from (parse_spec(f"{tree}:{more}") for more in (*more_of_each, *MORE.get(tree, ())))
 
 
 def _other_names(setting: Setting) -> list[str]:

@@ -1,0 +1,134 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "builder.h"
+#include "choice.h"
+#include "expected_work.h"
+#include "helpers.h"
+
+using namespace bsp;
+
+namespace {
+
+/// Squares of a grid of boxes, turned by `angle` about two axes, in an order that tells the tree nothing.
+TriangleSet grid_of_boxes(int side, float angle) {
+    const float c = std::cos(angle), s = std::sin(angle);
+    const auto turned = [&](Vec3f v) {
+        v = {c * v.x - s * v.y, s * v.x + c * v.y, v.z};
+        return Vec3f{v.x, c * v.y - s * v.z, s * v.y + c * v.z};
+    };
+    std::vector<Triangle> triangles;
+    for (int x = 0; x < side; ++x)
+        for (int y = 0; y < side; ++y)
+            for (int axis = 0; axis < 3; ++axis)
+                for (const float at : {0.1f, 0.9f}) {
+                    const auto corner = [&](float u, float v) {
+                        const float p[3] = {at, u, v};
+                        return turned({float(x) + p[(3 - axis) % 3], float(y) + p[(4 - axis) % 3], p[(5 - axis) % 3]});
+                    };
+                    triangles.push_back({corner(0.1f, 0.1f), corner(0.9f, 0.1f), corner(0.1f, 0.9f)});
+                    triangles.push_back({corner(0.9f, 0.9f), corner(0.9f, 0.1f), corner(0.1f, 0.9f)});
+                }
+    return make_set(triangles);
+}
+
+Choice choose(const TriangleSet &set, const char *rays, const char *seed = "1") {
+    return choose_tree(set, make_settings("auto", {{"expected_rays", rays}, {"seed", seed}}));
+}
+
+TEST(Choice, NothingObliqueIsTriedWhereAllLiesAlongTheAxes) {
+    for (const char *rays : {"0", "1e6", "1e12"}) {
+        const Choice choice = choose(grid_of_boxes(12, 0), rays);
+        EXPECT_EQ(choice.settings.tree, TreeKind::kd);
+        EXPECT_NE(choice.reason.find("100 % of the area lies along the axes"), std::string::npos) << choice.reason;
+        EXPECT_EQ(choice.reason.find("parts of"), std::string::npos) << choice.reason;
+    }
+}
+
+TEST(Choice, TurnedBoxesAreCutAlongTheirFaces) {
+    const Choice choice = choose(grid_of_boxes(12, 0.5f), "1e12");
+    EXPECT_EQ(choice.settings.tree, TreeKind::normals) << choice.reason;
+    EXPECT_NE(choice.reason.find("parts of"), std::string::npos) << choice.reason;
+}
+
+TEST(Choice, FewRaysGetAQuickBuildAndNoPilots) {
+    const Choice quick = choose(grid_of_boxes(12, 0.5f), "0"), good = choose(grid_of_boxes(12, 0), "1e12");
+    EXPECT_EQ(quick.settings.tree, TreeKind::kd);
+    EXPECT_GT(quick.settings.leaf_size, good.settings.leaf_size);
+    EXPECT_EQ(quick.reason.find("parts of"), std::string::npos) << quick.reason;
+    EXPECT_LT(quick.build_s, good.build_s);
+    EXPECT_EQ(quick.trace_s, 0);
+}
+
+TEST(Choice, MoreRaysNeverGetAQuickerBuild) {
+    const TriangleSet set = random_soup(3000, 1);
+    double before = 0;
+    for (double rays = 1; rays < 1e14; rays *= 3) {
+        Settings settings = make_settings("auto", {});
+        settings.expected_rays = rays;
+        const double build_s = choose_tree(set, settings).build_s;
+        EXPECT_GE(build_s, before) << rays;
+        before = build_s;
+    }
+}
+
+TEST(Choice, KeepsWhatItIsToldAndIsTheSameAgain) {
+    const TriangleSet set = random_soup(5000, 2);
+    const Options told{{"expected_rays", "1e12"}, {"triangle_test", "mt"}, {"precision", "fast"},
+                       {"max_depth", "11"},       {"max_references", "3"}, {"seed", "9"}};
+    const Choice choice = choose_tree(set, make_settings("auto", told)),
+                 again = choose_tree(set, make_settings("auto", told));
+    EXPECT_EQ(choice.settings.triangle_test, TriangleTest::mt);
+    EXPECT_EQ(choice.settings.precision, Precision::fast);
+    EXPECT_EQ(choice.settings.max_depth, 11);
+    EXPECT_EQ(choice.settings.max_references, 3);
+    EXPECT_EQ(choice.settings.seed, 9u);
+    EXPECT_EQ(choice.reason, again.reason);
+    EXPECT_EQ(full_spec(choice.settings), full_spec(again.settings));
+    const Settings kd = make_settings("kd", {});
+    EXPECT_EQ(full_spec(choose_tree(set, kd).settings), full_spec(kd)) << "other trees are no choice";
+}
+
+TEST(Choice, TheSmallestMeshesHaveOne) {
+    for (const std::size_t count : {0u, 1u, 2u, 65u})
+        EXPECT_GE(choose(random_soup(count, 3), "1e12").build_s, 0) << count;
+}
+
+TEST(Choice, TellsWhatItBuilt) {
+    const auto tree = make_accelerator(grid_of_boxes(8, 0.5f), make_settings("auto", {{"expected_rays", "1e12"}}));
+    const Statistics &s = tree->statistics();
+    EXPECT_EQ(s.spec.rfind("auto:", 0), 0u) << s.spec;
+    EXPECT_EQ(s.chosen.rfind("normals:", 0), 0u) << s.chosen;
+    EXPECT_GT(s.oblique_nodes, 0u);
+    EXPECT_GT(s.choose_s, 0);
+    EXPECT_LE(s.choose_s, s.build_s);
+    EXPECT_GT(s.predicted_trace_s, s.predicted_build_s);
+}
+
+TEST(ExpectedWork, OfOneLeafIsItsTests) {
+    const TriangleSet set = make_set({{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}});
+    const Work work = expected_work(build_tree(set, make_settings("kd", {})), set);
+    EXPECT_EQ(work.leaves, 1);
+    EXPECT_EQ(work.tests, 1);
+    EXPECT_EQ(work.axis_nodes + work.oblique_nodes, 0);
+}
+
+TEST(ExpectedWork, IsWhatTheBuilderPredicts) {
+    const TriangleSet set = random_soup(400, 4);
+    for (const char *spec : {"kd", "normals"}) {
+        // With these prices the builder's prediction is a sum of counts: of wide nodes, leaves and tests.
+        const Options prices{{"node_cost", "1"}, {"axis_cost", "0"},         {"oblique_cost", "0"},
+                             {"leaf_cost", "1"}, {"intersection_cost", "1"}, {"empty_bonus", "1"}};
+        Options options = prices;
+        if (std::string(spec) == "kd")
+            options.erase(options.begin() + 2);
+        const Tree tree = build_tree(set, make_settings(spec, options));
+        const Work work = expected_work(tree, set);
+        EXPECT_NEAR(work.axis_nodes + work.oblique_nodes + work.leaves + work.tests, tree.sah_cost,
+                    1e-6 * tree.sah_cost);
+        EXPECT_EQ(work.oblique_nodes > 0, std::string(spec) == "normals");
+    }
+}
+
+} // namespace
