@@ -19,6 +19,7 @@ from . import (
     calibrate_cli,
     diff_cli,
     plugin_dir,
+    report_cli,
     specs,
     study_cli,
     tables_cli,
@@ -87,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     calibrate_cli.add_command(commands)
     study_cli.add_command(commands)
     tables_cli.add_command(commands)
+    report_cli.add_command(commands)
     diff_cli.add_command(commands)
     verify_cli.add_command(commands)
 

@@ -1,0 +1,113 @@
+"""Charts that react to the pointer, as what Plotly's script is given: traces and a layout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..figures import COLOURS
+from ..records import Record
+from .measures import Measure
+
+Chart = dict[str, Any]
+
+_HEIGHT, _BAR = 130, 26
+
+
+def colour_of(spec: str) -> str:
+    """Of the kind of accelerator."""
+    return COLOURS.get(spec.partition(":")[0], "#999999")
+
+
+def times_chart(measure: Measure) -> Chart:
+    """Bars of medians, the quickest on top, with the range of the repetitions."""
+    specs = sorted(measure.times, key=measure.median, reverse=True)
+    middle = [measure.median(spec) for spec in specs]
+    ranges = [measure.spread(spec) for spec in specs]
+    hints = [_speeds(measure, spec) for spec in specs]
+    trace = {
+        "type": "bar",
+        "orientation": "h",
+        "y": specs,
+        "x": middle,
+        "marker": {"color": [colour_of(spec) for spec in specs], "line": {"color": "#888", "width": 0.5}},
+        "error_x": {
+            "type": "data",
+            "symmetric": False,
+            "array": [high - mid for (_, high), mid in zip(ranges, middle, strict=True)],
+            "arrayminus": [mid - low for (low, _), mid in zip(ranges, middle, strict=True)],
+            "color": "#888",
+        },
+        "customdata": hints,
+        "hovertemplate": f"<b>%{{y}}</b><br>%{{x:.4g}} {measure.unit}<br>%{{customdata}}<extra></extra>",
+    }
+    return _chart(
+        [trace], f"{measure.what}, {measure.unit} ({measure.run}); less is better", height=_HEIGHT + _BAR * len(specs)
+    )
+
+
+def trade_chart(trace_time: Measure, build_time: Measure) -> Chart | None:
+    """Time to build against time to trace, a point an accelerator; None if they have none in common."""
+    specs = [spec for spec in trace_time.times if spec in build_time.times]
+    if not specs:
+        return None
+    traces = [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": [build_time.median(spec)],
+            "y": [trace_time.median(spec)],
+            "name": spec,
+            "marker": {"size": 12, "color": colour_of(spec), "line": {"color": "#888", "width": 0.5}},
+            "hovertemplate": f"<b>{spec}</b><br>build %{{x:.3g}} s<br>{trace_time.what} %{{y:.4g}} {trace_time.unit}"
+            "<extra></extra>",
+        }
+        for spec in specs
+    ]
+    chart = _chart(traces, f"what building buys: {trace_time.what} ({trace_time.run}) against building", height=420)
+    chart["layout"] |= {"showlegend": True, "legend": {"orientation": "h", "y": -0.3}}
+    chart["layout"]["xaxis"] |= {"type": "log", "title": {"text": "building, s"}}
+    chart["layout"]["yaxis"] |= {"rangemode": "tozero", "title": {"text": f"{trace_time.what}, {trace_time.unit}"}}
+    return chart
+
+
+def levels_chart(spec: str, levels: Sequence[Record]) -> Chart:
+    """Nodes per depth: axis-aligned, oblique, leaves."""
+    depths = list(range(len(levels)))
+    kinds: Mapping[str, tuple[str, str]] = {
+        "axis_nodes": ("axis-aligned nodes", "#56B4E9"),
+        "oblique_nodes": ("oblique nodes", "#D55E00"),
+        "leaves": ("leaves", "#009E73"),
+    }
+    traces = [
+        {
+            "type": "bar",
+            "x": depths,
+            "y": [level[key] for level in levels],
+            "name": name,
+            "marker": {"color": colour},
+            "hovertemplate": f"depth %{{x}}: %{{y:,}} {name}<extra></extra>",
+        }
+        for key, (name, colour) in kinds.items()
+    ]
+    chart = _chart(traces, f"{spec}: nodes at each depth", height=280)
+    chart["layout"] |= {"barmode": "stack", "showlegend": True, "legend": {"orientation": "h", "y": -0.25}}
+    return chart
+
+
+def _speeds(measure: Measure, spec: str) -> str:
+    found = {name: measure.speedup(spec, name) for name in ("native", "embree")}
+    return "<br>".join(f"{speed} times as fast as {name}" for name, speed in found.items() if speed)
+
+
+def _chart(traces: list[Chart], title: str, height: int) -> Chart:
+    layout = {
+        "height": height,
+        "margin": {"l": 10, "r": 10, "t": 10, "b": 40},
+        "showlegend": False,
+        "xaxis": {"automargin": True},
+        "yaxis": {"automargin": True},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+    }
+    return {"data": traces, "layout": layout, "title": title}

@@ -1,0 +1,98 @@
+"""The times that records hold, whichever command made them: repetitions by scene and accelerator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from ..intervals import Interval, median_interval
+from ..outcomes import Outcome
+from ..records import Record, of
+from ..spec import names, parse_spec
+
+#: Accelerators that are not ours.
+FOREIGN = ("native", "embree")
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What was timed in one scene: seconds (of rays: nanoseconds) of every accelerator, by its repetitions."""
+
+    scene: str
+    what: str
+    run: str  #: the name of its results folder
+    unit: str
+    times: Mapping[str, Mapping[int, float]]
+
+    @property
+    def is_build(self) -> bool:
+        return self.what == "building"
+
+    def median(self, spec: str) -> float:
+        """Of all repetitions."""
+        return median(self.times[spec].values())
+
+    def spread(self, spec: str) -> tuple[float, float]:
+        """The least and the most of all repetitions."""
+        return min(self.times[spec].values()), max(self.times[spec].values())
+
+    def speedup(self, spec: str, over: str) -> Interval | None:
+        """The other's time over this one's, repetition by repetition; None if they have none in common."""
+        mine, theirs = self.times.get(spec, {}), self.times.get(over, {})
+        found = [theirs[repeat] / mine[repeat] for repeat in mine if repeat in theirs]
+        return median_interval(found) if found else None
+
+    def ranking(self) -> list[str]:
+        """Our trees, the quickest first; not brute force."""
+        ours = [spec for spec in self.times if parse_spec(spec).is_tree and parse_spec(spec).name != "brute"]
+        return sorted(ours, key=self.median)
+
+
+def measures(outcome: Outcome) -> Iterator[Measure]:
+    """All that an outcome timed; nothing if it is about something else."""
+    rows = outcome.folder.records()
+    for what, unit, select in _TIMES.get(outcome.command, ()):
+        for scene in outcome.scenes:
+            times = select(of(rows, scene=scene.name))
+            if times:
+                yield Measure(scene.name, what, outcome.folder.path.name, unit, times)
+
+
+def _field(name: str) -> Callable[[Sequence[Record]], dict[str, dict[int, float]]]:
+    def select(rows: Sequence[Record]) -> dict[str, dict[int, float]]:
+        times: dict[str, dict[int, float]] = {}
+        for row in rows:  # of repetitions that were made again the last counts
+            if _is_accelerator(str(row["spec"])) and not row.get("size"):
+                times.setdefault(str(row["spec"]), {})[row["repeat"]] = row[name]
+        return times
+
+    return select
+
+
+def _rays(rows: Sequence[Record]) -> dict[str, dict[int, float]]:
+    """The mean over all rays of a frame, each kind by its share in it."""
+    rays: dict[str, int] = {str(row["stream"]): row["recorded_rays"] or row["rays"] for row in rows}
+    by_stream = {stream: _field("ns_per_ray")(of(rows, stream=stream)) for stream in rays}
+    return {
+        spec: {
+            repeat: sum(rays[s] * by_stream[s][spec][repeat] for s in rays) / sum(rays.values())
+            for repeat in repeats
+            if all(repeat in by_stream[s].get(spec, {}) for s in rays)
+        }
+        for spec, repeats in next(iter(by_stream.values()), {}).items()
+    }
+
+
+def _is_accelerator(spec: str) -> bool:
+    """Not the answers that come for free."""
+    return spec.partition(":")[0] in names()
+
+
+_BUILDING = ("building", "s", _field("build_s"))
+_TIMES = {
+    "compare": (("rendering", "s", _field("render_s")), _BUILDING),
+    "bench render": (("frame", "s", _field("frame_s")),),
+    "bench rays": (("a ray", "ns", _rays),),
+    "bench build": (_BUILDING,),
+}

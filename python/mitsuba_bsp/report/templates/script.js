@@ -1,0 +1,96 @@
+"use strict";
+const root = document.documentElement, all = (selector, from = document) => [...from.querySelectorAll(selector)];
+
+// Light and dark: the system's choice, until the button is pressed.
+const theme = document.getElementById("theme");
+function setTheme(dark) {
+  root.dataset.theme = dark ? "dark" : "light";
+  theme.setAttribute("aria-pressed", dark);
+  theme.textContent = dark ? "Light" : "Dark";
+  all(".chart.drawn").forEach(chart => Plotly.relayout(chart, colours()));
+}
+function colours() {
+  const style = getComputedStyle(root), ink = style.getPropertyValue("--ink"), line = style.getPropertyValue("--line");
+  return { "font.color": ink, "xaxis.gridcolor": line, "yaxis.gridcolor": line, "xaxis.zerolinecolor": line, "yaxis.zerolinecolor": line };
+}
+theme.addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+
+// Charts are drawn when they come into view, or are printed.
+function draw(chart) {
+  if (chart.classList.contains("drawn")) return;
+  chart.classList.add("drawn");
+  const { data, layout } = JSON.parse(chart.dataset.chart);
+  Plotly.newPlot(chart, data, layout, { responsive: true, displayModeBar: false }).then(() => Plotly.relayout(chart, colours()));
+}
+const seen = new IntersectionObserver(entries => entries.forEach(entry => entry.isIntersecting && draw(entry.target)), { rootMargin: "300px" });
+all(".chart").forEach(chart => seen.observe(chart));
+addEventListener("beforeprint", () => all(".chart").forEach(draw));
+
+// Columns sort by their numbers, or else by their words; a second press turns the order around.
+all("table.sortable thead button").forEach(button => button.addEventListener("click", () => {
+  const head = button.parentElement, place = head.cellIndex, table = button.closest("table"), body = table.tBodies[0];
+  const rising = head.getAttribute("aria-sort") !== "ascending";
+  const key = row => row.cells[place].textContent.trim(), number = text => parseFloat(text.replaceAll(",", ""));
+  const compare = (a, b) => {
+    const [x, y] = [number(key(a)), number(key(b))];
+    if (Number.isNaN(x) !== Number.isNaN(y)) return Number.isNaN(x) ? 1 : -1;  // what is missing comes last
+    const order = Number.isNaN(x) ? key(a).localeCompare(key(b)) : x - y;
+    return rising ? order : -order;
+  };
+  [...body.rows].sort(compare).forEach(row => body.append(row));
+  all("th", table.tHead).forEach(other => other.setAttribute("aria-sort", "none"));
+  head.setAttribute("aria-sort", rising ? "ascending" : "descending");
+}));
+
+// Two images: divided by a line, in turns, or their difference.
+all(".comparer").forEach(comparer => {
+  const one = selector => comparer.querySelector(selector), specs = JSON.parse(comparer.dataset.specs);
+  const stage = one(".stage"), over = one(".over"), under = one(".under"), canvas = one("canvas"), line = one(".line");
+  const divide = one(".divide"), amplify = one(".amplify");
+  let timer = 0;
+  const mode = () => one("input[type=radio]:checked").value;
+  function split() {
+    over.style.clipPath = mode() === "slider" ? `inset(0 ${100 - divide.value}% 0 0)` : "none";
+    line.style.left = `${divide.value}%`;
+  }
+  function pixels(image) {
+    canvas.width = image.naturalWidth; canvas.height = image.naturalHeight;
+    const context = canvas.getContext("2d", { willReadFrequently: true });
+    context.drawImage(image, 0, 0);
+    return context.getImageData(0, 0, canvas.width, canvas.height);
+  }
+  function subtract() {
+    const gain = 2 ** amplify.value, a = pixels(over), b = pixels(under);
+    for (let i = 0; i < a.data.length; ++i) a.data[i] = i % 4 === 3 ? 255 : gain * Math.abs(a.data[i] - b.data[i]);
+    canvas.getContext("2d").putImageData(a, 0, 0);
+    comparer.querySelector("output").textContent = `${gain} times`;
+  }
+  async function update() {
+    clearInterval(timer);
+    const [left, right] = [specs[one(".left").value], specs[one(".right").value]];
+    over.src = pictures[left]; under.src = pictures[right];
+    one(".same").textContent = left === right ? "In the 8 bits of these pictures the two are the same image." : "";
+    await Promise.all([over.decode(), under.decode()]);
+    const now = mode();
+    one(".position").hidden = line.hidden = now !== "slider";
+    one(".gain").hidden = canvas.hidden = now !== "difference";
+    over.hidden = under.hidden = now === "difference";
+    split();
+    if (now === "difference") subtract();
+    if (now === "flicker") timer = setInterval(() => { over.hidden = !over.hidden; }, 600);
+  }
+  all("select, input[type=radio]", comparer).forEach(input => input.addEventListener("change", update));
+  divide.addEventListener("input", split);
+  amplify.addEventListener("input", subtract);
+  const drag = event => {
+    if (mode() !== "slider" || (event.type === "pointermove" && !event.buttons)) return;
+    const box = stage.getBoundingClientRect();
+    divide.value = 100 * (event.clientX - box.left) / box.width;
+    split();
+  };
+  stage.addEventListener("pointerdown", drag);
+  stage.addEventListener("pointermove", drag);
+  all("img", stage).forEach(image => { image.draggable = false; });
+  update();
+});
+setTheme(matchMedia("(prefers-color-scheme: dark)").matches);

@@ -1,0 +1,31 @@
+"""The command `mitsuba-bsp report`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .report.page import make_page
+from .tables_cli import results_folders
+from .terminal import OK, out
+
+NAME = "report.html"
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command."""
+    sub = commands.add_parser("report", help="write one page about all results in a folder, to look at in a browser")
+    sub.add_argument("folder", type=Path, metavar="DIR", help="a results folder, or a folder that has some inside")
+    sub.add_argument("--title", help="default: Ray tracing accelerators compared")
+    sub.set_defaults(run=_report)
+
+
+def _report(args: argparse.Namespace) -> int:
+    """`mitsuba-bsp report`."""
+    folders = results_folders(args.folder)
+    page = make_page(folders, args.title or "Ray tracing accelerators compared")
+    file = args.folder / NAME
+    file.write_text(page, encoding="utf-8")
+    text = f"{file}: {len(folders)} results folders, {len(page.encode()) / 1e6:.1f} MB"
+    out.print(text, soft_wrap=True, markup=False)
+    return OK
