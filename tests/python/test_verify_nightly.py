@@ -1,0 +1,106 @@
+"""The long checks at a small scale: they pass, they try what they say, and they can fail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import WILD_PLY
+
+from mitsuba_bsp.verification import checks_exact, checks_files, checks_memory, checks_soak, checks_spawn
+from mitsuba_bsp.verification.check import Plan, all_checks
+from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact
+from mitsuba_bsp.verification.oracle import brute_force
+from mitsuba_bsp.verification.runner import Listener, Result, run
+from mitsuba_bsp.verification.subjects import chosen_subjects
+
+
+def result_of(check: str, scale: float) -> Result:
+    plan = Plan(chosen_subjects(["kd", "normals"]), scale=scale)
+    (found,) = run([all_checks()[check]], plan, Listener())
+    assert found.records
+    return found
+
+
+def figures(found: Result, name: str) -> list[float]:
+    return [row["figures"][name] for row in found.records if name in row["figures"]]
+
+
+class TestExact:
+    def test_no_hit_of_a_closed_mesh_is_missed(self) -> None:
+        found = result_of("N03", 0.01)
+        assert found.passed and sum(found.tried.values()) > 100
+        inside = [row for row in found.records if row["judged"]]
+        assert len(inside) >= 5 and all(row["figures"]["largest error of t, ulp"] < 2 for row in inside)
+
+    def test_a_test_that_is_not_watertight_is_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(checks_exact, "brute_force", lambda mesh: brute_force(mesh, "mt"))
+        found = result_of("N03", 0.02)
+        assert not found.passed and "misses what exact arithmetic hits" in found.failures[0]
+
+
+class TestSpawnedRays:
+    def test_mitsubas_offset_suffices_and_less_would(self) -> None:
+        found = result_of("N06", 0.01)
+        assert found.passed and sum(found.tried.values()) == 10 * 100 * 2
+        assert all(0 < least <= 1 for least in figures(found, "least offset without a hit, of Mitsuba's"))
+
+    def test_rays_that_hit_their_own_triangle_are_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(checks_spawn, "_normal", lambda mesh: np.array([0.6, 0.0, 0.8]))
+        assert not result_of("N06", 0.01).passed
+
+
+class TestDamagedFiles:
+    def test_some_load_and_are_answered_for(self) -> None:
+        found = result_of("N08f", 0.01)
+        assert found.passed
+        assert sum(figures(found, "loaded")) >= 5 and sum(figures(found, "rays")) > 1000
+
+    def test_whole_files_load(self, tmp_path: Path) -> None:
+        files = []
+        for kind in KINDS:
+            files.append(tmp_path / f"{kind}.{kind.partition('-')[0]}")
+            files[-1].write_bytes(intact(kind))
+        done, death = checks_files._look_at(files, 1)
+        assert death is None and all(row["loaded"] and row["wrong"] == 0 and row["rays"] for row in done)
+
+    def test_damage_is_done_and_is_the_same_again(self) -> None:
+        for kind in KINDS:
+            first, second, other = (damaged(intact(kind), np.random.default_rng(seed)) for seed in (1, 1, 2))
+            assert first == second != other and first != intact(kind)
+
+    def test_a_file_that_kills_mitsubas_loader_is_its_own_affair(self, tmp_path: Path) -> None:
+        (tmp_path / "wild.ply").write_text(WILD_PLY)
+        (tmp_path / "good.ply").write_bytes(intact("ply-ascii"))
+        done, death = checks_files._look_at([tmp_path / "good.ply", tmp_path / "wild.ply"], 1)
+        assert len(done) == 1 and death == ("loading", "died")
+
+    def test_a_death_while_building_or_tracing_is_ours(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        deaths = iter([("building kd", "died"), ("tracing kd", "hung")])
+        monkeypatch.setattr(checks_files, "_look_at", lambda files, seed: ([], next(deaths, ("loading", "died"))))
+        found = result_of("N08f", 0.001)
+        assert found.wrong == {"survival": 2} and "the process died while building kd" in found.failures[0]
+
+
+class TestMemory:
+    def test_trees_keep_to_their_budget(self) -> None:
+        found = result_of("N09", 0.005)
+        assert found.passed and len(found.records) >= 20
+
+    def test_a_smaller_budget_would_be_broken(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(checks_memory, "BUDGETS", {"kd": 5, "rbsp": 5, "normals": 5})
+        monkeypatch.setattr(checks_memory, "FIXED_BYTES", 0)
+        assert not result_of("N09", 0.0002).passed
+
+
+class TestSoak:
+    def test_nothing_is_left(self) -> None:
+        found = result_of("N10", 0.002)
+        assert found.passed and found.tried["builds"] >= 200 and found.tried["rays"] > 8000
+
+    def test_wrong_answers_and_memory_are_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(checks_soak, "differing", lambda a, b: np.ones(3, bool))
+        monkeypatch.setattr(checks_soak, "LEFT_BYTES", -(10**12))
+        found = result_of("N10", 0.002)
+        assert {"soak", "answers", "memory"} <= set(found.wrong)
