@@ -8,9 +8,19 @@ import numpy as np
 import pytest
 from conftest import WILD_PLY
 
-from mitsuba_bsp.verification import checks_exact, checks_files, checks_memory, checks_soak, checks_spawn
+from mitsuba_bsp.image_regression import Setup, render
+from mitsuba_bsp.judging import Rendering
+from mitsuba_bsp.verification import (
+    checks_exact,
+    checks_files,
+    checks_image_set,
+    checks_memory,
+    checks_soak,
+    checks_spawn,
+)
 from mitsuba_bsp.verification.check import Plan, all_checks
 from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact
+from mitsuba_bsp.verification.meshes import Mesh, sphere
 from mitsuba_bsp.verification.oracle import brute_force
 from mitsuba_bsp.verification.runner import Listener, Result, run
 from mitsuba_bsp.verification.subjects import chosen_subjects
@@ -92,6 +102,27 @@ class TestMemory:
         monkeypatch.setattr(checks_memory, "BUDGETS", {"kd": 5, "rbsp": 5, "normals": 5})
         monkeypatch.setattr(checks_memory, "FIXED_BYTES", 0)
         assert not result_of("N09", 0.0002).passed
+
+
+class TestImageSet:
+    def test_images_are_embrees_and_furnaces_are_closed(self) -> None:
+        found = result_of("N12", 0.01)
+        assert found.passed and found.tried["images"] == 2 * (3 * 2 + 2 * 2)
+        assert all(abs(mean - 1) < 0.01 for mean in figures(found, "mean"))
+
+    def test_a_hole_in_a_furnace_is_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        whole = sphere("sphere", 10)
+        torn = Mesh("torn", whole.vertices, whole.faces[:-20])
+        monkeypatch.setattr(checks_image_set, "_furnaces", lambda: {"torn furnace": torn})
+        found = checks_image_set._furnace("torn furnace", "kd", 1)
+        assert found.wrong["escapes"] and found.wrong["mean"]
+
+    def test_another_image_is_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def wrong(name: str, samples: int, seed: int) -> Rendering:
+            return render(checks_image_set._scene("soup", samples), "embree", name, Setup(seed=seed))
+
+        monkeypatch.setattr(checks_image_set, "_reference", wrong)
+        assert {"paired", "z"} <= set(checks_image_set._against_embree("room", "kd", 8).wrong)
 
 
 class TestSoak:

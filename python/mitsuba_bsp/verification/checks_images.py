@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -46,23 +46,23 @@ def _soup() -> Description:
 SCENES: dict[str, Callable[[], Description]] = {"room": _room, "glass": _glass, "soup": _soup}
 
 
-def _render(scene: str, spec: Spec, samples: int) -> np.ndarray:
-    """Fixed blocks and a box filter: elsewhere Mitsuba itself varies with the number of threads."""
+def view(samples: int, origin: Sequence[float] = (0, -6, 2), depth: int = 6) -> Description:
+    """A scene without shapes. Fixed blocks and a box filter: elsewhere Mitsuba varies with the number of threads."""
     mi = mitsuba()
     camera = {
         "type": "perspective",
         "fov": 50,
-        "to_world": mi.ScalarTransform4f().look_at(origin=[0, -6, 2], target=[0, 0, 0], up=[0, 0, 1]),
+        "to_world": mi.ScalarTransform4f().look_at(origin=list(origin), target=[0, 0, 0], up=[0, 0, 1]),
         "sampler": {"type": "independent", "sample_count": samples},
         "film": {"type": "hdrfilm", "width": RESOLUTION, "height": RESOLUTION, "rfilter": {"type": "box"}},
     }
-    description = {
-        "type": "scene",
-        "integrator": {"type": "path", "max_depth": 6, "block_size": 16},
-        "camera": camera,
-        "sky": {"type": "constant"},
-        "meshes": group(spec, SCENES[scene]()),
-    }
+    integrator = {"type": "path", "max_depth": depth, "rr_depth": 1000, "block_size": 16}
+    return {"type": "scene", "integrator": integrator, "camera": camera}
+
+
+def _render(scene: str, spec: Spec, samples: int) -> np.ndarray:
+    mi = mitsuba()
+    description = {**view(samples), "sky": {"type": "constant"}, "meshes": group(spec, SCENES[scene]())}
     return np.array(mi.render(mi.load_dict(description, optimize=False), seed=SEED), np.float32)
 
 

@@ -27,12 +27,18 @@ def make_mesh(kind: str, place: str) -> Mesh:
     return Mesh(f"{kind} at {place}", (mesh.vertices.astype(float) + PLACES[place]).astype(np.float32), mesh.faces)
 
 
-def to_mitsuba(mesh: Mesh, faces: slice = slice(None), child: Mapping[str, Any] | None = None) -> Any:
-    """Some of the mesh's triangles as a Mitsuba mesh, with an emitter or the like."""
+def to_mitsuba(
+    mesh: Mesh,
+    faces: slice = slice(None),
+    child: Mapping[str, Any] | None = None,
+    bsdf: Mapping[str, Any] | None = None,
+) -> Any:
+    """Some of the mesh's triangles as a Mitsuba mesh, with an emitter or the like, and a material."""
     mi = mitsuba()
     props = mi.Properties()
-    if child:
-        props["child"] = mi.load_dict(dict(child))
+    for name, description in (("child", child), ("bsdf", bsdf)):
+        if description:
+            props[name] = mi.load_dict(dict(description))
     chosen = mesh.faces[faces]
     made = mi.Mesh(mesh.name, len(mesh.vertices), len(chosen), props=props)
     params = mi.traverse(made)
