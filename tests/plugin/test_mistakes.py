@@ -8,10 +8,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
+from mitsuba_bsp import _core
+
 from .plugin_scenes import ball, place, to_mesh
 
 CUBE = {"type": "cube"}
-TREES = "auto, kd, rbsp, ize, random, normals, clustered, brute"
+TREES = ", ".join(_core.trees())
 BSPTREE = "tree, count, record, replay, cache, expand"
 NATIVE = "count, check, expand, kd_intersection_cost, kd_traversal_cost"
 
