@@ -23,6 +23,7 @@ from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions
 from .text_table import TextTable, text_markdown
 from .totals import TotalOptions
+from .trade.study import STUDY as TRADE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,6 +158,7 @@ def _prices(found: Outcome) -> list[TextTable]:
 _STUDIES: Mapping[str, Study] = {
     **{f"study {name}": study for name, study in STUDIES.items()},
     heatmap.STUDY.name: heatmap.STUDY,
+    TRADE.name: TRADE,
 }
 
 _KINDS: Mapping[str, _Kind] = {

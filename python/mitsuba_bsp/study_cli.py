@@ -1,4 +1,4 @@
-"""The commands of the group `mitsuba-bsp study`, one a study, and `mitsuba-bsp heatmap`, which works as they do."""
+"""The commands of the group `mitsuba-bsp study`, one a study, and `heatmap` and `trade`, which work as they do."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from .records import ResultsFolder
 from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions, run_study, specs_of
 from .terminal import add_threads_option, chosen_scenes, positive
+from .trade.study import STUDY as TRADE
 
 #: Frames of this size and this many samples per pixel are rendered, unless the user says otherwise.
 RESOLUTION, SPP = 256, 4
@@ -25,7 +26,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
     names = group.add_subparsers(title="studies", required=True, metavar="NAME")
     for study in STUDIES.values():
         _add_study(names, study, f"study {study.name}")
-    _add_study(commands, heatmap.STUDY, heatmap.STUDY.name)
+    for study in (heatmap.STUDY, TRADE):
+        _add_study(commands, study, study.name)
 
 
 def _add_study(commands: argparse._SubParsersAction[argparse.ArgumentParser], study: Study, command: str) -> None:

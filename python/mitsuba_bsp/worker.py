@@ -31,6 +31,7 @@ from .studies import normals, planes, work
 from .studies import slice as cross_section
 from .swap import GroupOptions
 from .total_jobs import measure_totals
+from .trade import failures, speeds
 from .tree_statistics import statistics
 
 
@@ -193,6 +194,9 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "planes": planes.measure,
     "normals": normals.measure,
     "slice": cross_section.measure,
+    "speed": speeds.measure,
+    "failures": failures.measure,
+    "far": failures.measure_far,
 }
 
 if __name__ == "__main__":
