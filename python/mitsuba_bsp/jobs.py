@@ -17,7 +17,7 @@ from .messages import one_sentence
 
 Kind = Literal[
     "inspect", "count", "time", "render", "blame", "record", "replay", "frames", "build", "grow",
-    "totals", "work", "planes", "normals", "slice", "speed", "failures", "far",
+    "totals", "work", "planes", "normals", "slice", "speed", "failures", "far", "converge",
 ]  # fmt: skip
 
 #: How an accelerator that gives recorded answers is called beside the specs.
@@ -44,8 +44,9 @@ class Job:
     `totals` times building and rendering under each of `specs`, for the pictures that `choices` name.
     `build` measures building alone; `grow` likewise, of a tree over its meshes tessellated to `triangles`.
     `work` counts what the rays of a frame cost under `spec`; `planes`, `normals` and `slice` look at the tree itself:
-    see the modules of these names in `studies`. `speed`, `failures` and `far` are those of `trade`. What these find
-    besides numbers goes into the file `arrays`; `choices` are the options of the study.
+    see the modules of these names in `studies`, where `converge` is in `convergence`. `speed`, `failures` and `far`
+    are those of `trade`. What these find besides numbers goes into the file `arrays`; `choices` are the options of the
+    study.
     `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
     `cache` is the folder in which trees are kept, if any.
     """

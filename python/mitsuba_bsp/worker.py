@@ -27,7 +27,7 @@ from .ray_jobs import record, replay
 from .render_setup import fix_block_size, has_box_filter, set_resolution
 from .rendering import Stage, construct, load, provenance, render, samples, write_image
 from .scene_hash import referenced_file, scene_hash
-from .studies import normals, planes, work
+from .studies import convergence, normals, planes, work
 from .studies import slice as cross_section
 from .swap import GroupOptions
 from .total_jobs import measure_totals
@@ -194,6 +194,7 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "planes": planes.measure,
     "normals": normals.measure,
     "slice": cross_section.measure,
+    "converge": convergence.measure,
     "speed": speeds.measure,
     "failures": failures.measure,
     "far": failures.measure_far,

@@ -16,7 +16,7 @@ from mitsuba_bsp.exr import read_exr
 from mitsuba_bsp.jobs import Job
 from mitsuba_bsp.rendering import construct, load
 from mitsuba_bsp.spec import parse_spec
-from mitsuba_bsp.studies import normals, planes, work
+from mitsuba_bsp.studies import convergence, normals, planes, work
 from mitsuba_bsp.studies import slice as cross_section
 from mitsuba_bsp.swap import GroupOptions
 from mitsuba_bsp.verification.audit import neutral_tree
@@ -237,3 +237,44 @@ class TestSlice:
             assert len(kept["cells"]) == len(kept["depth"]) == len(kept["cost"]) == found["cells"]
             span = np.ptp(kept["cells"].reshape(-1, 2), axis=0)
             assert span[0] >= span[1] and kept["points"].shape[1] == 3
+
+
+class TestConvergence:
+    """Errors against time."""
+
+    def test_errors_of_known_images(self) -> None:
+        reference = np.full((16, 16, 3), 0.5)
+        assert convergence.errors(reference, reference) == {"relmse": 0.0, "flip": pytest.approx(0, abs=1e-6)}
+        off = convergence.errors(reference * 1.2, reference)
+        assert off["relmse"] == pytest.approx(0.01 / (0.25 + convergence.EPSILON)) and off["flip"] > 0
+
+    def test_the_time_to_an_error_is_interpolated_on_logarithmic_axes(self) -> None:
+        points = [
+            {"seconds": 1.0, "relmse": 1.0},
+            {"seconds": 4.0, "relmse": 0.25},
+            {"seconds": 16.0, "relmse": 0.0625},
+        ]
+        assert convergence.time_to_reach(points, 0.125) == pytest.approx(8)
+        assert convergence.time_to_reach(points, 2.0) == 1.0
+        assert convergence.time_to_reach(points, 0.01) is None
+
+    def test_passes_converge_alike_under_all(self, room: Path, tmp_path: Path) -> None:
+        choices = {"passes": 6, "reference_passes": 40}
+        found = {}
+        for spec in ("kd", "normals", "native"):
+            fields = {
+                "spp": 2,
+                "resolution": 16,
+                "choices": choices,
+                "arrays": str(tmp_path / "converge" / f"{spec}.npz"),
+            }
+            found[spec] = convergence.measure(Job("converge", str(room), "scalar_rgb", spec, **fields), lambda _: None)
+        points = found["kd"]["points"]
+        assert [point["passes"] for point in points] == [1, 2, 4, 6]
+        assert points[-1]["relmse"] < points[0]["relmse"] / 2
+        seconds = [point["seconds"] for point in points]
+        assert found["kd"]["build_s"] < seconds[0] and seconds == sorted(seconds)
+        assert [p["relmse"] for p in points] == [p["relmse"] for p in found["normals"]["points"]]
+        assert points[-1]["relmse"] == pytest.approx(found["native"]["points"][-1]["relmse"], rel=0.05)
+        with np.load(tmp_path / "converge" / "kd.npz") as arrays:
+            assert set(arrays) == {"1", "2", "4", "6"} and arrays["6"].shape == (16, 16, 3)

@@ -1,6 +1,6 @@
 """The studies of the thesis, completed: each a plan of measurements, tables and figures."""
 
-from . import claims, comparison, cost, directions, hotspots, normals, planes, slice  # noqa: A004
+from . import claims, comparison, convergence, cost, directions, hotspots, normals, planes, slice  # noqa: A004
 from .study import Study
 
 STUDIES: dict[str, Study] = {
@@ -10,6 +10,7 @@ STUDIES: dict[str, Study] = {
         planes.STUDY,
         comparison.STUDY,
         cost.STUDY,
+        convergence.STUDY,
         claims.STUDY,
         hotspots.STUDY,
         normals.STUDY,

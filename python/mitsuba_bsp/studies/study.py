@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SHUFFLE_SEED = 20_240_607
 
 #: Measurements of time, for which nothing else may run and the user's number of threads counts.
-_TIMED = ("time",)
+_TIMED = ("time", "converge")
 
 
 @dataclass(frozen=True)
