@@ -62,7 +62,7 @@ private:
         Tree::ScalarBoundingBox3f box;
         for (std::size_t i = 0; i < 3 * faces.shape(0); ++i)
             box.expand(mesh->vertex_position(faces.data()[i]));
-        m_tree->add(mesh, box);
+        m_tree->add(mesh.get(), box);
     }
 
     static Tree::ScalarRay3f to_mitsuba(const bsp::Ray &ray) {

@@ -19,13 +19,15 @@ Statistics describe(const TriangleSet &set, const Settings &settings) {
     s.spec = full_spec(settings);
     s.triangles = set.valid.size();
     s.dropped_triangles = set.dropped();
+    s.primitives = set.primitives.size();
     return s;
 }
 
 /// Every triangle, one at a time, by the same test: the oracle. It shares nothing with the trees but `Test::intersect`.
 template <typename Test> class BruteForce final : public Accelerator {
 public:
-    BruteForce(const TriangleSet &set, Statistics statistics) : m_scale(set.scale) {
+    BruteForce(const TriangleSet &set, Statistics statistics, const Primitives *primitives)
+        : m_scale(set.scale), m_primitives(primitives), m_primitive_count(std::uint32_t(set.primitives.size())) {
         for (const std::uint32_t id : set.valid)
             m_triangles.push_back({set.triangles[id], id});
         m_statistics = std::move(statistics);
@@ -43,7 +45,11 @@ public:
             if (const TriangleHit hit = test.intersect(triangle);
                 hit.t() >= 0 && hit.t() <= own.maxt && (hit.t() < best.t || !best.found()))
                 best = {hit.t(), hit.u(), hit.v(), id};
-        return in_users_units(best, scaled.per_t);
+        best = in_users_units(best, scaled.per_t);
+        for (std::uint32_t index = 0; own.maxt >= 0 && index < m_primitive_count; ++index)
+            if (const float t = m_primitives->closest(index, ray); t >= 0 && t < best.t)
+                best = {t, 0, 0, primitive_id(index)};
+        return best;
     }
 
     bool any(const Ray &ray) const noexcept override { return closest(ray).found(); }
@@ -69,6 +75,8 @@ private:
 
     Scale m_scale;
     std::vector<Entry> m_triangles;
+    const Primitives *m_primitives;
+    std::uint32_t m_primitive_count;
 };
 
 void warn(const std::string &sentence, Statistics &statistics) {
@@ -109,8 +117,10 @@ void warn_of_caps(const Tree &tree, const Settings &settings, Statistics &statis
 template <typename Test>
 std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted, const BuildOptions &options) {
     Statistics statistics = describe(set, wanted);
+    if (wanted.tree == TreeKind::ize && options.primitives)
+        throw std::invalid_argument("the tree ize takes nothing but triangles");
     if (wanted.tree == TreeKind::brute)
-        return std::make_unique<BruteForce<Test>>(set, std::move(statistics));
+        return std::make_unique<BruteForce<Test>>(set, std::move(statistics), options.primitives);
     const auto start = std::chrono::steady_clock::now();
     const auto passed_s = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -137,6 +147,8 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted
     if (file && !statistics.loaded)
         save(*file, *tree, statistics);
     warn_of_caps(*tree, settings, statistics);
+    if (options.primitives) // what they answer has no bound that other modes could leave out
+        return pack_tree<Test, Mode::safe>(*tree, set, settings, std::move(statistics), options.primitives);
     switch (settings.precision) {
     case Precision::fast:
         return pack_tree<Test, Mode::fast>(*tree, set, settings, std::move(statistics));

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "build_monitor.h"
+#include "primitives.h"
 #include "ray.h"
 #include "settings.h"
 #include "statistics.h"
@@ -18,8 +19,9 @@ struct Plane {
     float offset;
 };
 
-/// Answers rays about a fixed set of triangles. All queries may be made from many threads at once and never throw.
-/// Which rays hit nothing whatever the triangles, `Scale` says.
+/// Answers rays about a fixed set of triangles and primitives; a primitive's hit has its id, and u and v of 0. All
+/// queries may be made from many threads at once and never throw. Which rays hit nothing whatever the triangles,
+/// `Scale` says.
 class Accelerator {
 public:
     virtual ~Accelerator() = default;
@@ -44,12 +46,14 @@ protected:
 
 /// What decides nothing about the tree.
 struct BuildOptions {
-    std::string cache;               ///< a folder of saved trees, created if it is missing; empty: none
-    BuildMonitor *monitor = nullptr; ///< watches the build and may cancel it
+    std::string cache;                      ///< a folder of saved trees, created if it is missing; empty: none
+    BuildMonitor *monitor = nullptr;        ///< watches the build and may cancel it
+    const Primitives *primitives = nullptr; ///< who has the primitives of the set, if there are any; outlives the tree
 };
 
 /// Builds what the settings say, or loads it from the folder of saved trees if it was kept there before. Throws
-/// std::bad_alloc, std::length_error, or BuildCancelled if the monitor says so.
+/// std::bad_alloc, std::length_error, std::invalid_argument if the tree takes no primitives but there are some, or
+/// BuildCancelled if the monitor says so.
 std::unique_ptr<Accelerator> make_accelerator(TriangleSet set, const Settings &settings,
                                               const BuildOptions &options = {});
 

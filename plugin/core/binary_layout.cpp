@@ -103,7 +103,10 @@ void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &
     for (std::size_t i = 0; i < count; i += TriangleBlock::width) {
         TriangleBlock block;
         for (unsigned lane = 0; lane < TriangleBlock::width && i + lane < count; ++lane)
-            block.set(lane, set.triangles[ids[i + lane]], ids[i + lane]);
+            if (const std::uint32_t id = ids[i + lane]; is_primitive(id))
+                block.set(lane, set.primitives[primitive_index(id)], id);
+            else
+                block.set(lane, set.triangles[id], id);
         blocks.push_back(block);
     }
 }

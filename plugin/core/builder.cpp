@@ -74,7 +74,7 @@ public:
     Builder(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor, PlaneSurvey *survey)
         : m_set(set), m_settings(settings), m_source(make_split_source(settings)),
           m_triangle_planes(settings.tree == TreeKind::ize), m_plane_tolerance(plane_tolerance(set.bounds)),
-          m_monitor(monitor), m_survey(survey), m_max_depth(depth_allowed(settings, set.valid.size())) {}
+          m_monitor(monitor), m_survey(survey), m_max_depth(depth_allowed(settings, set.size())) {}
 
     Tree build() const {
         NodeWork root{make_references(m_set), Cell(root_box(m_set))};
@@ -239,7 +239,7 @@ private:
         count_planes(node.depth, per_triangle * node.references.size(), tree);
         if (m_survey && m_triangle_planes)
             for (const std::uint32_t id : node.references.ids)
-                for (const TrianglePlane &plane : planes_along(m_set.triangles[id]))
+                for (const TrianglePlane &plane : planes_along(m_set.triangles[id])) // such trees have no primitives
                     m_survey->add(node.depth, plane.direction, {plane.offset});
         return cheapest_of(directions, node, [&](const Direction &direction) {
             std::vector<float> offsets;

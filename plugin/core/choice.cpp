@@ -183,7 +183,7 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
     if (settings.tree != TreeKind::automatic)
         return {settings, "", 0, 0};
     const StandardFloats floats;
-    const double n = double(set.valid.size()), rays = settings.expected_rays;
+    const double n = double(set.size()), rays = settings.expected_rays;
     const double pilot_size = double(std::max<std::size_t>(1, plan_pilots(set.valid.size()).size));
     const double levels = std::log2(std::max(1.0, n / pilot_size));
     const double aligned = axis_share(set);

@@ -8,7 +8,8 @@
 namespace bsp {
 namespace {
 
-using Maker = std::unique_ptr<Accelerator> (*)(const Tree &, const TriangleSet &, const Settings &, Statistics);
+using Maker = std::unique_ptr<Accelerator> (*)(const Tree &, const TriangleSet &, const Settings &, Statistics,
+                                               const Primitives *);
 
 struct NamedFault {
     const char *name;
@@ -43,7 +44,7 @@ std::unique_ptr<Accelerator> make_faulty_accelerator(TriangleSet set, const Sett
         if (name == fault.name) {
             set.rescale();
             const Tree tree = build_tree(set, settings);
-            return fault.make(tree, set, settings, {});
+            return fault.make(tree, set, settings, {}, nullptr);
         }
     std::string known;
     for (const std::string &other : fault_names())

@@ -25,10 +25,12 @@ template <typename Test, Simd simd, Mode mode> struct WideWalk {
     }
 };
 
-template <typename Walk> class PackedTree final : public Accelerator {
+/// `mixed`: there are primitives among the triangles.
+template <typename Walk, bool mixed> class PackedTree final : public Accelerator {
 public:
-    PackedTree(typename Walk::Layout layout, const TriangleSet &set, Statistics statistics)
-        : m_layout(std::move(layout)), m_scale(set.scale) {
+    PackedTree(typename Walk::Layout layout, const TriangleSet &set, Statistics statistics,
+               const Primitives *primitives)
+        : m_layout(std::move(layout)), m_scale(set.scale), m_primitives(primitives) {
         m_statistics = std::move(statistics);
         for (const MemoryPart &part : m_layout.memory())
             m_statistics.bytes += part.size;
@@ -55,24 +57,35 @@ public:
 private:
     template <typename Query, typename Counting> auto run(const Ray &ray, Counting counting) const noexcept {
         const ScaledRay own = m_scale.apply(ray);
-        return in_users_units(Walk::run(m_layout, own, Query(own.d[3]), counting).result(), own.per_t);
+        if constexpr (mixed) {
+            const WithPrimitives<Query> query(own.d[3], {*m_primitives, ray, own.per_t});
+            return in_users_units(Walk::run(m_layout, own, query, counting).result(), own.per_t);
+        } else {
+            return in_users_units(Walk::run(m_layout, own, Query(own.d[3]), counting).result(), own.per_t);
+        }
     }
 
     typename Walk::Layout m_layout;
     Scale m_scale;
+    const Primitives *m_primitives;
 };
 
-/// Packs the tree as the settings say and adds the time that takes to `statistics`. Throws std::length_error if the
-/// tree is too large for the layout.
+/// Packs the tree as the settings say and adds the time that takes to `statistics`; `primitives` is who has those that
+/// are no triangles, null if there are none. Throws std::length_error if the tree is too large for the layout.
 template <typename Test, Mode mode>
 std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set, const Settings &settings,
-                                       Statistics statistics) {
+                                       Statistics statistics, const Primitives *primitives = nullptr) {
     describe_tree(tree, statistics);
     const auto start = std::chrono::steady_clock::now();
     const auto finish = [&](auto walk, auto layout) -> std::unique_ptr<Accelerator> {
         statistics.phases.pack_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         statistics.build_s += statistics.phases.pack_s;
-        return std::make_unique<PackedTree<decltype(walk)>>(std::move(layout), set, std::move(statistics));
+        if constexpr (mode == Mode::safe)
+            if (primitives)
+                return std::make_unique<PackedTree<decltype(walk), true>>(std::move(layout), set, std::move(statistics),
+                                                                          primitives);
+        return std::make_unique<PackedTree<decltype(walk), false>>(std::move(layout), set, std::move(statistics),
+                                                                   nullptr);
     };
     if (settings.layout == LayoutKind::wide && settings.simd != Simd::avx2 && has_avx512())
         return finish(WideWalk<Test, Simd::avx512, mode>{}, pack_wide(tree, set));

@@ -16,6 +16,12 @@ struct Ray {
 
 constexpr std::uint32_t no_triangle = 0xffffffffu;
 
+/// What is no triangle has ids of its own, behind those of all triangles.
+constexpr std::uint32_t primitive_bit = 0x80000000u;
+constexpr std::uint32_t primitive_id(std::uint32_t index) { return index | primitive_bit; }
+constexpr std::uint32_t primitive_index(std::uint32_t id) { return id & ~primitive_bit; }
+constexpr bool is_primitive(std::uint32_t id) { return (id & primitive_bit) != 0 && id != no_triangle; }
+
 /// p = (1 - u - v) a + u b + v c on triangle (a, b, c).
 struct Hit {
     float t = std::numeric_limits<float>::infinity();

@@ -76,6 +76,8 @@ std::pair<double, double> ReferenceList::extent(std::size_t i, const Direction &
 }
 
 double ReferenceList::area(std::size_t i) const {
+    if (is_primitive(ids[i]))
+        return 0;
     Vec3d sum;
     for (std::uint32_t v = starts[i] + 2; v < starts[i + 1]; ++v)
         sum = sum + cross(vertices[v - 1] - vertices[starts[i]], vertices[v] - vertices[starts[i]]);
@@ -84,11 +86,17 @@ double ReferenceList::area(std::size_t i) const {
 
 ReferenceList make_references(const TriangleSet &set) {
     ReferenceList list;
-    list.reserve(set.valid.size(), 3 * set.valid.size());
+    list.reserve(set.size(), 3 * set.valid.size() + 8 * set.primitives.size());
     for (const std::uint32_t id : set.valid) {
         const Triangle &t = set.triangles[id];
         const Vec3d polygon[3] = {to_double(t.a), to_double(t.b), to_double(t.c)};
         list.add(id, polygon, 3);
+    }
+    for (std::uint32_t index = 0; index < set.primitives.size(); ++index) {
+        Vec3d corners[8];
+        for (unsigned i = 0; i < 8; ++i)
+            corners[i] = set.primitives[index].corner(i);
+        list.add(primitive_id(index), corners, 8);
     }
     return list;
 }
@@ -112,7 +120,7 @@ std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &re
             below.add(id, polygon, count);
         } else if (planar || low >= lowest) {
             above.add(id, polygon, count);
-        } else if (!clip) {
+        } else if (!clip || is_primitive(id)) {
             below.add(id, polygon, count);
             above.add(id, polygon, count);
         } else {

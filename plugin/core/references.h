@@ -10,8 +10,9 @@
 
 namespace bsp {
 
-/// Reference i is the convex polygon `vertices[starts[i]] .. vertices[starts[i + 1] - 1]`: the part of triangle
-/// `ids[i]` inside the cell, in double precision. Ids are distinct.
+/// References to primitives are not clipped: they are the eight corners of a box.
+/// Any other reference i is the convex polygon `vertices[starts[i]] .. vertices[starts[i + 1] - 1]`: the part of
+/// triangle `ids[i]` inside the cell, in double precision. Ids are distinct.
 struct ReferenceList {
     std::vector<std::uint32_t> ids;
     std::vector<std::uint32_t> starts{0};
@@ -24,11 +25,11 @@ struct ReferenceList {
     /// Smallest and largest position of reference `i` along `direction`.
     std::pair<double, double> extent(std::size_t i, const Direction &direction) const;
 
-    /// Area of reference `i`, as far as it is inside the cell.
+    /// Area of reference `i`, as far as it is inside the cell; 0 of a primitive.
     double area(std::size_t i) const;
 };
 
-/// References to all valid triangles, not clipped.
+/// References to all valid triangles and all primitives, not clipped.
 ReferenceList make_references(const TriangleSet &set);
 
 /// A plane across a node, as the sweep finds it.

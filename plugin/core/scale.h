@@ -49,6 +49,7 @@ public:
     static Scale for_largest(double size);
 
     float apply(float x) const { return x * m_factor; }
+    double apply(double x) const { return x / m_inverse; }
     double undo(double x) const { return x * m_inverse; }
 
     /// A ray that is not finite, has no direction or no interval, or begins more than 2^96 scenes away, hits nothing.

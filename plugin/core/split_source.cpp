@@ -77,7 +77,10 @@ std::vector<std::uint32_t> sample(const NodeTriangles &node, std::uint32_t count
                                         : sample_indices(std::uint32_t(node.references.size()), count, random);
 }
 
+/// What is no triangle leads to no direction but one of the axes, which are tried anyway.
 Vec3d normal_of(const NodeTriangles &node, std::uint32_t index) {
+    if (is_primitive(node.references.ids[index]))
+        return {1, 0, 0};
     return scaled_normal(node.set.triangles[node.references.ids[index]]);
 }
 

@@ -104,6 +104,7 @@ std::string to_json(const Statistics &s) {
         object.add("predicted_trace_s", s.predicted_trace_s);
         object.add("triangles", s.triangles);
         object.add("dropped_triangles", s.dropped_triangles);
+        object.add("primitives", s.primitives);
         object.add("nodes", s.nodes);
         object.add("interior_nodes", s.interior_nodes);
         object.add("axis_nodes", s.axis_nodes);

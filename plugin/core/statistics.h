@@ -15,7 +15,7 @@ struct Statistics {
     std::string choice;                                  ///< of `auto`: why that one, in one sentence
     double choose_s = 0;                                 ///< of `auto`: part of `build_s`
     double predicted_build_s = 0, predicted_trace_s = 0; ///< of `auto`: on one thread
-    std::size_t triangles = 0, dropped_triangles = 0;
+    std::size_t triangles = 0, dropped_triangles = 0, primitives = 0;
     std::size_t nodes = 0, interior_nodes = 0, axis_nodes = 0, oblique_nodes = 0;
     std::size_t leaves = 0, empty_leaves = 0, references = 0;
     std::size_t capped_leaves = 0;     ///< leaves that would have been split, but for `max_references` or `max_depth`

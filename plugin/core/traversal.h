@@ -18,6 +18,7 @@
 #include <cmath>
 
 #include "binary_layout.h"
+#include "primitives.h"
 #include "ray.h"
 #include "settings.h"
 #include "triangle_test.h"
@@ -242,7 +243,7 @@ Query traverse(const BinaryLayout &layout, const Ray &ray, Query query, Counting
     if (!(entry <= exit))
         return query;
     const FamilyTable<splits> families(frame, layout);
-    const Test test(ray);
+    const auto test = make_test<Test>(ray, query);
 
     struct Pending {
         std::uint32_t word;

@@ -90,6 +90,7 @@ std::string validate(const Tree &tree, const TriangleSet &set) {
         return broken;
 
     std::vector<bool> usable(set.triangles.size(), false), listed(set.triangles.size(), false);
+    std::vector<bool> listed_primitives(set.primitives.size(), false);
     for (const std::uint32_t id : set.valid)
         usable[id] = true;
     for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
@@ -98,16 +99,24 @@ std::string validate(const Tree &tree, const TriangleSet &set) {
             continue;
         for (std::size_t r = node.first; r < std::size_t(node.first) + node.count; ++r) {
             const std::uint32_t id = tree.references[r];
-            if (id >= usable.size() || !usable[id])
+            const bool known =
+                is_primitive(id) ? primitive_index(id) < listed_primitives.size() : id < usable.size() && usable[id];
+            if (!known)
                 return at("leaf", i) + " lists " + at("triangle", id) + ", which is not a valid one";
             if (r > node.first && tree.references[r - 1] >= id)
                 return at("leaf", i) + " lists its triangles out of order";
-            listed[id] = true;
+            if (is_primitive(id))
+                listed_primitives[primitive_index(id)] = true;
+            else
+                listed[id] = true;
         }
     }
     for (const std::uint32_t id : set.valid)
         if (!listed[id])
             return at("triangle", id) + " is in no leaf";
+    const auto lost = std::find(listed_primitives.begin(), listed_primitives.end(), false);
+    if (lost != listed_primitives.end())
+        return at("primitive", std::size_t(lost - listed_primitives.begin())) + " is in no leaf";
     return {};
 }
 

@@ -99,6 +99,7 @@ std::uint64_t key_of(const TriangleSet &set, const Settings &settings) {
             hash.add(number, sizeof *number);
     hash.add(set.triangles.data(), set.triangles.size() * sizeof(Triangle));
     hash.add(set.valid.data(), set.valid.size() * sizeof set.valid[0]);
+    hash.add(set.primitives.data(), set.primitives.size() * sizeof set.primitives[0]);
     return hash.value();
 }
 

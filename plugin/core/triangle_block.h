@@ -31,6 +31,15 @@ struct alignas(32) TriangleBlock {
         ids[lane] = id;
     }
 
+    /// Of a primitive the block holds two corners of its box, and nothing that a triangle test accepts.
+    void set(unsigned lane, const Bounds &box, std::uint32_t id) {
+        for (unsigned axis = 0; axis < 3; ++axis) {
+            vertices[0][axis][lane] = float(box.lower[axis]);
+            vertices[1][axis][lane] = float(box.upper[axis]);
+        }
+        ids[lane] = id;
+    }
+
     unsigned triangle_count() const { return width - unsigned(std::count(ids, ids + width, no_triangle)); }
 
     Float8 load(std::size_t vertex, std::size_t axis) const { return Float8::load(vertices[vertex][axis]); }

@@ -15,6 +15,10 @@ void Bounds::extend(const Vec3d &p) {
     }
 }
 
+Vec3d Bounds::corner(unsigned index) const {
+    return {index & 1 ? upper.x : lower.x, index & 2 ? upper.y : lower.y, index & 4 ? upper.z : lower.z};
+}
+
 Vec3d scaled_normal(const Triangle &t) {
     const Vec3d a = to_double(t.a);
     return cross(to_double(t.b) - a, to_double(t.c) - a);
@@ -85,6 +89,14 @@ void TriangleSet::add(const float *vertices, std::size_t vertex_count, const std
     }
 }
 
+void TriangleSet::add_primitive(const Bounds &box) {
+    if (primitives.size() + 1 >= primitive_bit)
+        throw std::length_error("2^31 primitives in one tree");
+    primitives.push_back(box);
+    bounds.extend(box.lower);
+    bounds.extend(box.upper);
+}
+
 void TriangleSet::rescale() {
     if (bounds.empty())
         return;
@@ -97,6 +109,14 @@ void TriangleSet::rescale() {
     for (const std::uint32_t id : valid)
         for (const Vec3f &v : {triangles[id].a, triangles[id].b, triangles[id].c})
             bounds.extend(to_double(v));
+    for (Bounds &box : primitives) {
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            box.lower[axis] = scale.apply(box.lower[axis]);
+            box.upper[axis] = scale.apply(box.upper[axis]);
+        }
+        bounds.extend(box.lower);
+        bounds.extend(box.upper);
+    }
 }
 
 Bounds TriangleSet::user_bounds() const {

@@ -21,6 +21,7 @@ struct Bounds {
     Vec3d upper{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
 
     void extend(const Vec3d &p);
+    Vec3d corner(unsigned index) const; ///< one of eight
     bool empty() const { return !(lower.x <= upper.x); }
 };
 
@@ -29,7 +30,8 @@ struct Bounds {
 struct TriangleSet {
     std::vector<Triangle> triangles;
     std::vector<std::uint32_t> valid; ///< ids of the usable triangles, ascending
-    Bounds bounds;                    ///< of the usable triangles
+    std::vector<Bounds> primitives;   ///< boxes of what is no triangle, see primitives.h
+    Bounds bounds;                    ///< of the usable triangles and the primitives
     Scale scale;                      ///< of all coordinates here, bounds included, against the user's
 
     /// Appends `face_count` triangles. `vertices` holds 3 floats per vertex, `faces` 3 indices per triangle.
@@ -37,11 +39,15 @@ struct TriangleSet {
     /// std::length_error if there would be more than 2^31 triangles. Nothing is added if it throws.
     void add(const float *vertices, std::size_t vertex_count, const std::uint32_t *faces, std::size_t face_count);
 
-    /// Brings coordinates near 1. To be called at most once, when all triangles have been added. A coordinate whose
+    /// Appends a primitive, by its box, which is not empty and finite. Throws std::length_error if there would be 2^31.
+    void add_primitive(const Bounds &box);
+
+    /// Brings coordinates near 1. To be called at most once, when all has been added. A coordinate whose
     /// counterpart is no normal float, being 2^126 times smaller than the largest, may lose digits.
     void rescale();
     Bounds user_bounds() const; ///< in the user's units
 
+    std::size_t size() const { return valid.size() + primitives.size(); } ///< what a tree has to list
     std::size_t dropped() const { return triangles.size() - valid.size(); }
 };
 

@@ -16,7 +16,7 @@ template <> struct WideSearch<BSP_SIMD> {
         const WideRay<mode> wide(o, d, layout.box, layout.plane_tolerance);
         if (!(wide.entry <= wide.exit))
             return query;
-        const Test test(Ray{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}});
+        const auto test = make_test<Test>(Ray{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}}, query);
         WideStack::Memory memory;
         WideStack stack(memory);
         WideCell cell{layout.root, wide.entry, wide.exit};

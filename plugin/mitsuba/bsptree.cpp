@@ -1,4 +1,4 @@
-/// The shape `bsptree`: meshes under one of this project's trees.
+/// The shape `bsptree`: meshes and bounded primitives under one of this project's trees.
 /// Properties: `tree`, the tree's settings, `count` (rays, steps and tests are counted), `record` (a file that gets
 /// every ray and its answer, see ray_recorder.h; they are counted too), `replay` (such a file, whose answers are given
 /// again instead of building a tree, see recorded_answers.h), `cache` (a folder in which built trees are kept),
@@ -21,12 +21,12 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class BSPTree final : public Group<Float, Spectrum> {
 public:
-    MI_IMPORT_BASE(Group, m_children, child_name, rebuild)
+    MI_IMPORT_BASE(Group, m_children, mesh, child_name, intersect_primitive, rebuild)
     MI_IMPORT_TYPES()
     using typename Base::Hit;
 
     explicit BSPTree(const Properties &props)
-        : Base(props), m_settings(read_settings(props)), m_cache(read_folder(props, "cache")),
+        : Base(props, true), m_settings(read_settings(props)), m_cache(read_folder(props, "cache")),
           m_replay(read_path(props, "replay")), m_recorder(open_recorder(props)),
           m_count(read_flag(props, "count", false) || m_recorder) {
         rebuild();
@@ -35,13 +35,13 @@ public:
 
     Hit closest(const Ray3f &ray) const override {
         if (!counts())
-            return locate(m_tree->closest(to_ray(ray)));
+            return locate(m_tree->closest(to_ray(ray)), ray);
         bsp::Counters counters;
         const bsp::Hit hit = m_tree->count_closest(to_ray(ray), counters);
         if (m_recorder)
             m_recorder->write_closest(to_ray(ray), hit);
         m_counters.add<false>(counters);
-        return locate(hit);
+        return locate(hit, ray);
     }
 
     bool any(const Ray3f &ray) const override {
@@ -56,6 +56,11 @@ public:
     }
 
     Hit intersect(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
+        if (!mesh(child)) {
+            Ray3f whole = ray;
+            whole.maxt = dr::Infinity<ScalarFloat>;
+            return intersect_primitive(child, triangle, whole);
+        }
         bsp::Vec3f corners[3];
         this->get_corners(child, triangle, corners);
         const bsp::Triangle t{corners[0], corners[1], corners[2]};
@@ -83,10 +88,18 @@ protected:
     void build() override {
         bsp::TriangleSet set;
         std::vector<uint32_t> starts;
+        auto primitives = std::make_unique<OwnPrimitives>();
         for (size_t i = 0; i < m_children.size(); ++i) {
+            starts.push_back(uint32_t(set.triangles.size()));
+            if (!mesh(i)) {
+                for (uint32_t k = 0; k < m_children[i]->primitive_count(); ++k) {
+                    set.add_primitive(padded_primitive(m_children[i]->bbox(k)));
+                    primitives->places.push_back({m_children[i].get(), uint32_t(i), k});
+                }
+                continue;
+            }
             ShapeIR ir;
             m_children[i]->describe(ir);
-            starts.push_back(uint32_t(set.triangles.size()));
             try {
                 set.add(static_cast<const float *>(ir.vertex_ptr), ir.vertex_count,
                         static_cast<const uint32_t *>(ir.index_ptr), ir.face_count);
@@ -94,12 +107,13 @@ protected:
                 Throw("child %s: %s", child_name(i), e.what());
             }
         }
-        const size_t given = set.triangles.size();
+        const size_t given = set.triangles.size(), given_primitives = set.primitives.size();
         if (m_replay.empty())
-            m_tree = build_tree(std::move(set));
+            m_tree = build_tree(std::move(set), primitives.get());
         else
-            m_tree = std::make_unique<RecordedAnswers>(m_replay, given);
+            m_tree = std::make_unique<RecordedAnswers>(m_replay, given, given_primitives);
         m_starts = std::move(starts);
+        m_primitives = std::move(primitives);
 
         const bsp::Statistics &s = m_tree->statistics();
         if (!s.warning.empty())
@@ -109,15 +123,37 @@ protected:
                 s.dropped_triangles, given);
         if (!s.choice.empty())
             Log(Info, "auto: %s", s.choice);
-        Log(Info, "bsptree %s: %d triangles, %d nodes, %d references, %s in %.3f s", s.spec, s.triangles, s.nodes,
-            s.references, s.loaded ? "loaded" : "built", s.build_s);
+        Log(Info, "bsptree %s: %d triangles and %d other primitives, %d nodes, %d references, %s in %.3f s", s.spec,
+            s.triangles, s.primitives, s.nodes, s.references, s.loaded ? "loaded" : "built", s.build_s);
     }
 
-    void clear() override { m_tree = bsp::make_accelerator({}, m_settings); }
+    void clear() override {
+        m_tree = bsp::make_accelerator({}, m_settings);
+        m_primitives.reset();
+    }
 
     std::string spec() const override { return bsp::full_spec(m_settings); }
 
 private:
+    /// The primitives of the children that are no meshes, in order.
+    struct OwnPrimitives final : bsp::Primitives {
+        struct Place {
+            const Shape<Float, Spectrum> *shape;
+            uint32_t child, primitive;
+        };
+        std::vector<Place> places;
+
+        float closest(uint32_t index, const bsp::Ray &ray) const noexcept override {
+            const Place &place = places[index];
+            const PreliminaryIntersection3f pi =
+                place.shape->ray_intersect_preliminary(from_ray(ray), place.primitive, true);
+            return pi.is_valid() ? pi.t : std::numeric_limits<float>::infinity();
+        }
+        bool any(uint32_t index, const bsp::Ray &ray) const noexcept override {
+            return places[index].shape->ray_test(from_ray(ray), places[index].primitive, true);
+        }
+    };
+
     static bsp::Settings read_settings(const Properties &props) {
         const std::string tree = props.has_property("tree") ? read_text(props, "tree") : "auto";
         std::vector<std::string> names{"tree", "count", "record", "replay", "cache", "expand"};
@@ -132,12 +168,14 @@ private:
     }
 
     /// On another thread, so that this one can show how far it is.
-    std::unique_ptr<bsp::Accelerator> build_tree(bsp::TriangleSet set) const {
+    std::unique_ptr<bsp::Accelerator> build_tree(bsp::TriangleSet set, const OwnPrimitives *all) const {
         using namespace std::chrono_literals;
         bsp::BuildMonitor monitor;
         const InterruptWatch watch(monitor);
-        auto building = std::async(
-            std::launch::async, [&] { return bsp::make_accelerator(std::move(set), m_settings, {m_cache, &monitor}); });
+        const bsp::Primitives *primitives = set.primitives.empty() ? nullptr : all;
+        auto building = std::async(std::launch::async, [&] {
+            return bsp::make_accelerator(std::move(set), m_settings, {m_cache, &monitor, primitives});
+        });
         if (building.wait_for(1s) != std::future_status::ready) {
             ProgressReporter progress("Building the tree");
             while (building.wait_for(100ms) != std::future_status::ready)
@@ -162,10 +200,20 @@ private:
         return {{ray.o.x(), ray.o.y(), ray.o.z()}, {ray.d.x(), ray.d.y(), ray.d.z()}, ray.maxt};
     }
 
-    /// Which child's triangle was hit.
-    Hit locate(const bsp::Hit &hit) const {
+    static Ray3f from_ray(const bsp::Ray &ray) {
+        return Ray3f(Point3f(ray.o.x, ray.o.y, ray.o.z), Vector3f(ray.d.x, ray.d.y, ray.d.z), ray.maxt, 0.f,
+                     dr::zeros<Wavelength>());
+    }
+
+    /// Which child's triangle or primitive was hit.
+    Hit locate(const bsp::Hit &hit, const Ray3f &ray) const {
         if (!hit.found())
             return {};
+        if (bsp::is_primitive(hit.triangle)) {
+            const auto &place = m_primitives->places[bsp::primitive_index(hit.triangle)];
+            const Hit found = intersect_primitive(place.child, place.primitive, ray); // for its prim_uv
+            return {hit.t, place.child, place.primitive, true, found.uv};
+        }
         const auto next = std::upper_bound(m_starts.begin(), m_starts.end(), hit.triangle);
         const uint32_t child = uint32_t(next - m_starts.begin()) - 1;
         return {hit.t, child, hit.triangle - m_starts[child], true, {hit.u, hit.v}};
@@ -177,7 +225,8 @@ private:
     std::unique_ptr<RayRecorder> m_recorder; ///< of rays, if they are recorded
     bool m_count;
     std::vector<uint32_t> m_starts; ///< first triangle of each child
-    std::unique_ptr<bsp::Accelerator> m_tree;
+    std::unique_ptr<OwnPrimitives> m_primitives;
+    std::unique_ptr<bsp::Accelerator> m_tree; ///< asks them
     mutable RayCounters m_counters;
 };
 

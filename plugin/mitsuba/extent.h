@@ -7,13 +7,23 @@
 
 #include <algorithm>
 #include <string>
+#include <string_view>
+
+#include "../core/triangles.h"
 
 NAMESPACE_BEGIN(mitsuba)
 
+/// Shapes that Mitsuba can intersect one ray and one primitive at a time, by their names in scenes.
+constexpr const char *bounded_primitives = "sphere, disk, cylinder, sdfgrid and ellipsoids";
+inline bool is_bounded_primitive(std::string_view class_name) {
+    return class_name == "Sphere" || class_name == "Disk" || class_name == "Cylinder" || class_name == "SDFGrid" ||
+           class_name == "Ellipsoids";
+}
+
 using Box3f = BoundingBox<Point<float, 3>>;
 
-/// The triangles of a mesh. The box is that of those whose vertices are finite, and never the mesh's own: after Mitsuba
-/// has merged rectangles that is too small.
+/// The triangles of a mesh, or another shape. The box is that of those whose vertices are finite, and never the mesh's
+/// own: after Mitsuba has merged rectangles that is too small.
 struct Extent {
     Box3f box;
     size_t others = 0; ///< triangles with a vertex that is not finite
@@ -21,6 +31,15 @@ struct Extent {
 
 /// Embree drops a shape that reaches beyond 1.844e18 without a word. The margin of `padded` is a 500th of this at most.
 constexpr float largest_extent = 1.8e18f;
+
+/// Throws if a box reaches too far for Embree; `name` is how the message calls what is in it.
+inline void check_reach(const Box3f &box, const std::string &name) {
+    if (box.valid() && !dr::all((box.min >= -largest_extent) & (box.max <= largest_extent)))
+        Throw(
+            "%s extends from %s to %s, but Embree, which hands us the rays, drops shapes that reach beyond %g without "
+            "a word: scale the scene down",
+            name, box.min, box.max, largest_extent);
+}
 
 /// Throws if a triangle refers to a vertex that does not exist, or reaches too far for Embree; `name` is how the
 /// message calls the mesh.
@@ -44,12 +63,26 @@ inline Extent measure_triangles(const ShapeIR &ir, const std::string &name) {
             extent.box.expand(triangle);
         extent.others += !finite;
     }
-    if (extent.box.valid() && !dr::all((extent.box.min >= -largest_extent) & (extent.box.max <= largest_extent)))
-        Throw(
-            "%s extends from %s to %s, but Embree, which hands us the rays, drops shapes that reach beyond %g without "
-            "a word: scale the scene down",
-            name, extent.box.min, extent.box.max, largest_extent);
+    check_reach(extent.box, name);
     return extent;
+}
+
+/// Another shape, by its own box. Throws if that is not finite or reaches too far.
+inline Extent measure_box(const Box3f &box, const std::string &name) {
+    if (!box.valid() || !dr::all(dr::isfinite(box.min) & dr::isfinite(box.max)))
+        Throw("%s has no finite box: from %s to %s", name, box.min, box.max);
+    check_reach(box, name);
+    return {box, 0};
+}
+
+/// A primitive's box with a margin, for Mitsuba states no bounds on the errors of its boxes and hits.
+inline bsp::Bounds padded_primitive(const Box3f &box) {
+    const double largest = std::max(dr::max(dr::abs(box.min)), dr::max(dr::abs(box.max)));
+    const double margin = 0x1p-10 * double(dr::max(box.extents())) + 0x1p-18 * largest;
+    bsp::Bounds padded;
+    padded.extend({box.min.x() - margin, box.min.y() - margin, box.min.z() - margin});
+    padded.extend({box.max.x() + margin, box.max.y() + margin, box.max.z() + margin});
+    return padded;
 }
 
 /// The box of a part of a group, with a margin that makes Embree lose no ray. `all` is the box of the whole group.

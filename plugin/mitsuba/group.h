@@ -1,4 +1,4 @@
-/// Meshes under one accelerator.
+/// Meshes, and other shapes that Mitsuba can intersect one ray at a time, under one accelerator.
 ///
 /// A group gives way (Object::expand) to one member per child (member.h), so that the scene's lists of shapes, emitters
 /// and sensors and its parameter names are those of the scene without the group. One member also carries the rays into
@@ -56,7 +56,8 @@ public:
     MI_IMPORT_TYPES(Mesh, Scene)
     using typename Base::ScalarSize;
 
-    /// The triangle that a ray hits first, and the weights of its second and third vertex there.
+    /// The triangle that a ray hits first, and the weights of its second and third vertex there. Of a child that is no
+    /// mesh: its primitive, and what it calls `prim_uv`.
     struct Hit {
         ScalarFloat t = std::numeric_limits<ScalarFloat>::infinity();
         uint32_t child = 0, triangle = 0;
@@ -68,7 +69,7 @@ public:
 
     virtual Hit closest(const Ray3f &ray) const = 0;
     virtual bool any(const Ray3f &ray) const = 0;
-    /// The hit of a ray with one triangle alone, however far; not found if it misses.
+    /// The hit of a ray with one triangle or primitive alone, however far; not found if it misses.
     virtual Hit intersect(uint32_t child, uint32_t triangle, const Ray3f &ray) const = 0;
     /// One JSON object.
     virtual std::string statistics() const = 0;
@@ -91,6 +92,8 @@ public:
 
     /// Weights of a triangle's vertices where a ray that just misses it comes nearest.
     ScalarPoint2f nearest(uint32_t child, uint32_t triangle, const Ray3f &ray) const {
+        if (!mesh(child))
+            return 0;
         bsp::Vec3f corners[3];
         get_corners(child, triangle, corners);
         return nearest_weights(corners, ray);
@@ -99,7 +102,7 @@ public:
     /// Another number whenever the accelerator has become another one.
     uint64_t build_number() const { return m_build; }
 
-    Mesh *child(size_t index) const { return const_cast<Mesh *>(m_children[index].get()); }
+    Base *child(size_t index) const { return const_cast<Base *>(m_children[index].get()); }
     size_t child_count() const { return m_children.size(); }
 
     MemberRole role(size_t index) const {
@@ -122,9 +125,9 @@ public:
 
     /// What Embree is told about a carrier; invalid if it has no triangles.
     ScalarBoundingBox3f padded_bbox(MemberRole role) const;
-    /// A mesh was edited: every group that holds it builds its accelerator again before the next ray. Throws if the new
-    /// geometry is wrong; then such a group has no triangles until another edit has put that right.
-    static void geometry_changed(const Mesh *mesh);
+    /// A child was edited: every group that holds it builds its accelerator again before the next ray. Throws if the
+    /// new geometry is wrong; then such a group has no triangles until another edit has put that right.
+    static void geometry_changed(const Base *child);
     void rebuild_if_changed() {
         if (m_changed && std::find(m_broken.begin(), m_broken.end(), true) == m_broken.end())
             rebuild();
@@ -152,7 +155,8 @@ public:
     std::string to_string() const override { return describe_self(); }
 
 protected:
-    explicit Group(const Properties &props);
+    /// `several`: shapes other than meshes may have more than one primitive.
+    Group(const Properties &props, bool several);
     ~Group();
 
     /// Takes over the geometry of all children, in order, and builds.
@@ -175,16 +179,25 @@ protected:
         return id.empty() ? "number " + std::to_string(index) : "\"" + std::string(id) + "\"";
     }
 
+    /// Null for another shape.
+    Mesh *mesh(size_t index) const { return m_meshes[index]; }
+
+    /// One primitive of a child that is no mesh, by Mitsuba's own routine.
+    Hit intersect_primitive(uint32_t child, uint32_t primitive, const Ray3f &ray) const {
+        const PreliminaryIntersection3f pi = m_children[child]->ray_intersect_preliminary(ray, primitive, true);
+        return pi.is_valid() ? Hit{pi.t, child, primitive, true, pi.prim_uv} : Hit{};
+    }
+
     void get_corners(uint32_t child, uint32_t triangle, bsp::Vec3f (&corners)[3]) const {
-        const Mesh &mesh = *m_children[child];
-        const auto face = mesh.face_indices(triangle);
+        const Mesh &own = *mesh(child);
+        const auto face = own.face_indices(triangle);
         for (size_t k = 0; k < 3; ++k) {
-            const auto p = mesh.vertex_position(face[k]);
+            const auto p = own.vertex_position(face[k]);
             corners[k] = {p.x(), p.y(), p.z()};
         }
     }
 
-    std::vector<ref<Mesh>> m_children; ///< each once
+    std::vector<ref<Base>> m_children; ///< each once
 
 private:
     /// A mesh may be in several groups, for example in the scene and in one of its shape groups.
@@ -212,7 +225,8 @@ private:
     Extent measure(size_t index) const;
     void prepare_texture_sampling(size_t index) const;
 
-    bool m_expand, m_changed = false;
+    bool m_several, m_expand, m_changed = false;
+    std::vector<Mesh *> m_meshes; ///< the children, null for those that are none
     uint64_t m_build = 0;
     size_t m_first_emitter, m_first_surface; ///< number of children if there is none
     std::vector<size_t> m_listed;            ///< children in the order in which they were given, some of them twice
@@ -233,7 +247,8 @@ typename Group<Float, Spectrum>::ScalarBoundingBox3f Group<Float, Spectrum>::pad
 }
 
 template <typename Float, typename Spectrum>
-Group<Float, Spectrum>::Group(const Properties &props) : m_expand(read_flag(props, "expand", true)) {
+Group<Float, Spectrum>::Group(const Properties &props, bool several)
+    : m_several(several), m_expand(read_flag(props, "expand", true)) {
     this->set_id(props.id());
     for (auto &prop : props.objects()) {
         Base *shape = prop.template try_get<Base>();
@@ -256,11 +271,11 @@ template <typename Float, typename Spectrum> Group<Float, Spectrum>::~Group() {
     groups.erase(std::find(groups.begin(), groups.end(), this));
 }
 
-template <typename Float, typename Spectrum> void Group<Float, Spectrum>::geometry_changed(const Mesh *mesh) {
+template <typename Float, typename Spectrum> void Group<Float, Spectrum>::geometry_changed(const Base *child) {
     std::exception_ptr wrong;
     const std::lock_guard<std::mutex> lock(alive().mutex);
     for (Group *group : alive().groups) {
-        const auto found = std::find(group->m_children.begin(), group->m_children.end(), mesh);
+        const auto found = std::find(group->m_children.begin(), group->m_children.end(), child);
         if (found == group->m_children.end())
             continue;
         try {
@@ -303,6 +318,8 @@ template <typename Float, typename Spectrum> std::string Group<Float, Spectrum>:
 }
 
 template <typename Float, typename Spectrum> Extent Group<Float, Spectrum>::measure(size_t index) const {
+    if (!mesh(index))
+        return measure_box(m_children[index]->bbox(), "child " + child_name(index));
     ShapeIR ir;
     m_children[index]->describe(ir);
     return measure_triangles(ir, "child " + child_name(index));
@@ -317,20 +334,26 @@ void Group<Float, Spectrum>::take_child(Base *shape, const std::string &name, co
     ShapeIR ir;
     if (mesh)
         mesh->describe(ir);
-    if (!mesh || ir.kind != ShapeIR::Kind::Triangles)
-        Throw("child \"%s\" of a %s is not a triangle mesh: ply, obj, serialized, cube, rectangle and merge shapes can "
-              "be grouped, others stay outside",
-              name, props.plugin_name());
-    const auto known = std::find(m_children.begin(), m_children.end(), mesh);
+    if (mesh ? ir.kind != ShapeIR::Kind::Triangles : !is_bounded_primitive(shape->class_name()))
+        Throw("child \"%s\" of a %s is neither a triangle mesh nor bounded primitives: ply, obj, serialized, cube, "
+              "rectangle, merge, %s shapes can be grouped, others stay outside",
+              name, props.plugin_name(), bounded_primitives);
+    if (!mesh && !m_several && shape->primitive_count() > 1)
+        Throw(
+            "child \"%s\" of a %s has %d primitives, but Mitsuba's kd-tree takes shapes of one primitive only, besides "
+            "triangle meshes: it stays outside",
+            name, props.plugin_name(), shape->primitive_count());
+    const auto known = std::find(m_children.begin(), m_children.end(), shape);
     m_listed.push_back(size_t(known - m_children.begin()));
     if (known != m_children.end())
         return;
     const size_t index = m_children.size();
-    m_children.push_back(mesh);
+    m_children.push_back(shape);
+    m_meshes.push_back(mesh);
     m_members.push_back(nullptr);
     m_extents.push_back(measure(index));
     m_broken.push_back(false);
-    if (ir.face_count == 0)
+    if (mesh && ir.face_count == 0)
         Log(Warn, "child %s of a %s has no faces: it is invisible", child_name(index), props.plugin_name());
     prepare_texture_sampling(index);
 }
@@ -339,8 +362,8 @@ void Group<Float, Spectrum>::take_child(Base *shape, const std::string &name, co
 /// is taken. In a rendering thread that deadlocks unless the mesh knows a scene that it is part of, and a child is part
 /// of none: so it is done here, with a scene that serves for nothing else.
 template <typename Float, typename Spectrum> void Group<Float, Spectrum>::prepare_texture_sampling(size_t index) const {
-    Mesh *mesh = child(index);
-    if (!mesh->is_emitter() || !has_flag(mesh->emitter()->flags(), EmitterFlags::SpatiallyVarying) ||
+    Mesh *mesh = this->mesh(index);
+    if (!mesh || !mesh->is_emitter() || !has_flag(mesh->emitter()->flags(), EmitterFlags::SpatiallyVarying) ||
         !mesh->has_vertex_texcoords() || mesh->face_count() == 0)
         return;
     const ref<Scene> scene = PluginManager::instance()->create_object<Scene>(Properties("scene"));

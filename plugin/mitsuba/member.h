@@ -102,7 +102,7 @@ public:
         m_child->*dirty |= before;
         copy_attachments();
         if (moved) {
-            GroupType::geometry_changed(m_group->child(m_index));
+            GroupType::geometry_changed(m_child.get());
             mark_dirty();
         }
     }

@@ -61,10 +61,10 @@ public:
 
     using Base::Base;
 
-    /// `box`: of the mesh's triangles. Mitsuba takes the mesh's own box, which is too small for merged rectangles.
-    void add(ref<Mesh> mesh, const ScalarBoundingBox3f &box) {
-        this->m_shapes.push_back(mesh.get());
-        this->m_primitive_map.push_back(this->m_primitive_map.back() + mesh->primitive_count());
+    /// `box`: of a mesh's triangles. Mitsuba takes the mesh's own box, which is too small for merged rectangles.
+    void add(ref<Shape> shape, const ScalarBoundingBox3f &box) {
+        this->m_shapes.push_back(shape.get());
+        this->m_primitive_map.push_back(this->m_primitive_map.back() + shape->primitive_count());
         this->m_bbox.expand(box);
     }
 

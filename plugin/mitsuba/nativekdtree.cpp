@@ -1,6 +1,6 @@
-/// The shape `nativekdtree`: meshes under Mitsuba's own kd-tree, the baseline of every comparison.
-/// Properties: the `kd_*` settings that Mitsuba's scene takes, `count` (rays, steps and tests are counted), `expand`
-/// (see bspmember.cpp).
+/// The shape `nativekdtree`: meshes and shapes of one primitive under Mitsuba's own kd-tree, the baseline of every
+/// comparison. Properties: the `kd_*` settings that Mitsuba's scene takes, `count` (rays, steps and tests are counted),
+/// `expand` (see bspmember.cpp).
 #include "native_tree.h"
 
 #include <chrono>
@@ -85,14 +85,14 @@ std::ostream &operator<<(std::ostream &os, const Differences &d) {
 
 template <typename Float, typename Spectrum> class NativeKDTree final : public Group<Float, Spectrum> {
 public:
-    MI_IMPORT_BASE(Group, m_children, extent, rebuild)
+    MI_IMPORT_BASE(Group, m_children, mesh, extent, intersect_primitive, rebuild)
     MI_IMPORT_TYPES(Mesh)
     using typename Base::Hit;
     using Tree = NativeTree<Float, Spectrum>;
     using Intersection = typename Tree::Intersection;
 
     explicit NativeKDTree(const Properties &props)
-        : Base(props), m_settings(read_settings(props)), m_count(read_flag(props, "count", false)),
+        : Base(props, false), m_settings(read_settings(props)), m_count(read_flag(props, "count", false)),
           m_check(read_flag(props, "check", false)) {
         rebuild();
     }
@@ -109,19 +109,22 @@ public:
     Hit intersect(uint32_t child, uint32_t triangle, const Ray3f &ray) const override {
         Ray3f whole = ray;
         whole.maxt = dr::Infinity<ScalarFloat>;
-        const auto [hit, t, uv] = m_children[child]->ray_intersect_triangle_scalar(triangle, whole);
+        if (!mesh(child))
+            return intersect_primitive(child, triangle, whole);
+        const auto [hit, t, uv] = mesh(child)->ray_intersect_triangle_scalar(triangle, whole);
         return hit ? Hit{t, child, triangle, true, uv} : Hit{};
     }
 
     std::string statistics() const override {
         const auto counts = m_tree->node_counts();
         std::ostringstream oss;
-        oss << "{\"spec\": \"native\", \"triangles\": " << m_tree->primitive_count() - m_dropped
-            << ", \"dropped_triangles\": " << m_dropped << ", \"nodes\": " << m_tree->node_count()
-            << ", \"interior_nodes\": " << counts.interior << ", \"axis_nodes\": " << counts.interior
-            << ", \"oblique_nodes\": 0, \"leaves\": " << counts.leaves << ", \"empty_leaves\": " << counts.empty_leaves
-            << ", \"references\": " << m_tree->reference_count() << ", \"max_depth\": " << counts.max_depth
-            << ", \"bytes\": " << m_tree->bytes() << ", \"build_s\": " << m_build_s;
+        oss << "{\"spec\": \"native\", \"triangles\": " << m_tree->primitive_count() - m_dropped - m_others
+            << ", \"dropped_triangles\": " << m_dropped << ", \"primitives\": " << m_others
+            << ", \"nodes\": " << m_tree->node_count() << ", \"interior_nodes\": " << counts.interior
+            << ", \"axis_nodes\": " << counts.interior << ", \"oblique_nodes\": 0, \"leaves\": " << counts.leaves
+            << ", \"empty_leaves\": " << counts.empty_leaves << ", \"references\": " << m_tree->reference_count()
+            << ", \"max_depth\": " << counts.max_depth << ", \"bytes\": " << m_tree->bytes()
+            << ", \"build_s\": " << m_build_s;
         if (m_count)
             oss << ", \"counters\": " << m_counters;
         if (m_check)
@@ -137,8 +140,12 @@ protected:
         const auto start = std::chrono::steady_clock::now();
         clear();
         for (size_t i = 0; i < m_children.size(); ++i) {
-            m_tree->add(extent(i).others > 0 ? finite_copy(*m_children[i]) : m_children[i], extent(i).box);
+            if (extent(i).others > 0)
+                m_tree->add(ref<Shape<Float, Spectrum>>(finite_copy(*mesh(i)).get()), extent(i).box);
+            else
+                m_tree->add(m_children[i], extent(i).box);
             m_dropped += extent(i).others;
+            m_others += mesh(i) ? 0 : 1;
         }
         if (m_tree->bbox().valid())
             m_tree->build();
@@ -146,13 +153,13 @@ protected:
         if (m_dropped > 0)
             Log(Warn, "%d of %d triangles have a vertex that is not finite: they are left out", m_dropped,
                 m_tree->primitive_count());
-        Log(Info, "nativekdtree: %d triangles, %d nodes, %d references, %.3f s", m_tree->primitive_count(),
-            m_tree->node_count(), m_tree->reference_count(), m_build_s);
+        Log(Info, "nativekdtree: %d triangles and other primitives, %d nodes, %d references, %.3f s",
+            m_tree->primitive_count(), m_tree->node_count(), m_tree->reference_count(), m_build_s);
     }
 
     void clear() override {
         m_tree = new Tree(m_settings);
-        m_dropped = 0;
+        m_dropped = m_others = 0;
     }
 
     std::string spec() const override { return "native"; }
@@ -210,7 +217,7 @@ private:
 
     Properties m_settings;
     bool m_count, m_check;
-    size_t m_dropped = 0;
+    size_t m_dropped = 0, m_others = 0; ///< triangles left out, and primitives that are none
     ref<Tree> m_tree;
     double m_build_s = 0;
     mutable RayCounters m_counters;

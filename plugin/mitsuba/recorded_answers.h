@@ -16,9 +16,9 @@ namespace mitsuba {
 /// resolution.
 class RecordedAnswers final : public bsp::Accelerator {
 public:
-    /// `triangles` is how many there are to be hit. Throws std::runtime_error if there is more than one thread, or if
-    /// the file is no recording of rays among so many triangles.
-    RecordedAnswers(const std::string &path, std::size_t triangles) {
+    /// `triangles` and `primitives` are how many there are to be hit. Throws std::runtime_error if there is more than
+    /// one thread, or if the file is no recording of rays among so many triangles.
+    RecordedAnswers(const std::string &path, std::size_t triangles, std::size_t primitives) {
         if (pool_size() > 1)
             throw std::runtime_error(
                 "replay: answers are given in the order in which one thread asked, but there are " +
@@ -34,7 +34,9 @@ public:
                                      " for each of its rays, and at least one ray");
         m_answers.reserve(size / sizeof(RecordedRay));
         for (RecordedRay entry; file.read(reinterpret_cast<char *>(&entry), sizeof entry);) {
-            if (entry.triangle != bsp::no_triangle && entry.triangle >= triangles)
+            const bool known = bsp::is_primitive(entry.triangle) ? bsp::primitive_index(entry.triangle) < primitives
+                                                                 : entry.triangle < triangles;
+            if (entry.triangle != bsp::no_triangle && !known)
                 throw std::runtime_error("replay: a ray in the file \"" + path + "\" hit triangle " +
                                          std::to_string(entry.triangle) + ", but here are only " +
                                          std::to_string(triangles) + ": it was recorded with another scene");
@@ -44,6 +46,7 @@ public:
             throw std::runtime_error("replay: cannot read all of the file \"" + path + "\"");
         m_statistics.spec = "free";
         m_statistics.triangles = triangles;
+        m_statistics.primitives = primitives;
     }
 
     bsp::Hit closest(const bsp::Ray &) const noexcept override { return next(); }

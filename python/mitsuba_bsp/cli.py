@@ -163,7 +163,7 @@ def _render(args: argparse.Namespace) -> int:
             result = run_job(job)
         except JobError as error:
             raise ValueError(str(error)) from None
-    said = notes(Content(**result.values["content"])) if spec.plugin else []
+    said = notes(Content(**result.values["content"]), [spec.name]) if spec.plugin else []
     for note in [*said, *result.warnings]:
         say("note", note, "yellow")
     how = "loaded" if result.values["statistics"].get("loaded") else "built"

@@ -7,7 +7,7 @@ Loading has two halves, so that building an accelerator can be timed alone: all 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -66,10 +66,16 @@ class LoadedScene:
         return Content(
             triangles=sum(container.triangles for container in self.containers),
             meshes=sum(len(container.meshes) for container in self.containers),
-            others=dict(sum((container.others for container in self.containers), Counter())),
+            others=self._sum(container.others for container in self.containers),
+            bounded=self._sum(container.bounded for container in self.containers),
+            several=self._sum(container.several for container in self.containers),
             shape_groups=len(groups),
             instances=sum(node not in groups for node in references),
         )
+
+    @staticmethod
+    def _sum(counts: Iterable[Counter[str]]) -> dict[str, int]:
+        return dict(sum(counts, Counter()))
 
     def regrouped(self, spec: Spec, options: GroupOptions | None = None) -> mi.parser.ParserState:
         """The scene description with its meshes under `spec`, ready for `construct`.
@@ -248,7 +254,7 @@ def _load(
 def _finish(loaded: LoadedScene, spec: Spec, cache: str | Path | None) -> mi.Scene:
     """Say what stays outside the accelerator, and construct the scene."""
     if spec.plugin:
-        for note in notes(loaded.content):
+        for note in notes(loaded.content, [spec.name]):
             mi.Log(mi.LogLevel.Warn, note)
     spec = with_expected_rays(spec, loaded.sensor, None)
     return loaded.construct(loaded.regrouped(spec, GroupOptions(cache=cache)))

@@ -69,7 +69,7 @@ def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None
     except JobError as error:
         raise ValueError(str(error)) from None
     scene = SceneInfo(name, path, **{**result.values, "content": Content(**result.values["content"])})
-    for text in [*notes(scene.content), *result.warnings]:
+    for text in [*notes(scene.content, [spec.name for spec in options.specs]), *result.warnings]:
         note(f"{name}: {text}")
     return scene
 

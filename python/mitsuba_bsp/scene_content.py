@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -11,7 +11,8 @@ class Content:
     """What of a scene is under accelerators, and what is not.
 
     `triangles` and `meshes` are those under any accelerator: that of the scene itself, or that of one of its
-    `shape_groups`, which `instances` show. `others` are class names and counts of the shapes that stay with Embree.
+    `shape_groups`, which `instances` show. `bounded` are class names and counts of the other shapes under them,
+    `several` those of more than one primitive, and `others` those that stay with Embree.
     """
 
     triangles: int
@@ -19,14 +20,22 @@ class Content:
     others: Mapping[str, int]
     shape_groups: int = 0
     instances: int = 0
+    bounded: Mapping[str, int] = field(default_factory=dict)
+    several: Mapping[str, int] = field(default_factory=dict)
 
 
-def notes(content: Content) -> list[str]:
-    """What a user must know about a scene before reading anything into a comparison."""
+def notes(content: Content, names: Sequence[str]) -> list[str]:
+    """What a user must know about a scene before reading anything into a comparison of these accelerators."""
     said = []
     if content.others:
-        listed = ", ".join(f"{count} {kind}" for kind, count in content.others.items())
-        said.append(f"only triangle meshes go under the accelerator, so these shapes stay with Embree: {listed}")
+        said.append(f"Mitsuba cannot intersect them alone, so these shapes stay with Embree: {_listed(content.others)}")
+    if content.several and "native" in names:
+        said.append(
+            f"Mitsuba's kd-tree takes shapes of one primitive only, so under native these stay with Embree: "
+            f"{_listed(content.several)}"
+        )
+    if content.bounded and "ize" in names:
+        said.append(f"ize takes nothing but triangles, so under it these stay with Embree: {_listed(content.bounded)}")
     if content.shape_groups:
         groups, instances = content.shape_groups, content.instances
         has = (
@@ -37,6 +46,10 @@ def notes(content: Content) -> list[str]:
         said.append(
             f"{has}, built once; the level above, of {instances} instance{'s' * (instances != 1)}, stays with Embree"
         )
-    if not content.meshes:
-        said.append("the scene has no triangle mesh, so the accelerator stays empty")
+    if not content.meshes and not content.bounded:
+        said.append("the scene has no shape that goes under an accelerator, so it stays empty")
     return said
+
+
+def _listed(shapes: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in shapes.items())

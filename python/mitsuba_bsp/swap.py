@@ -1,17 +1,17 @@
-"""Move a scene's triangle meshes under an accelerator, changing nothing else in the scene.
+"""Move a scene's meshes and bounded primitives under an accelerator, changing nothing else in the scene.
 
 Two steps. `dissolve` works on the parsed scene: groups that the file already names give way to their children.
-`regroup` works on the objects of a container, which is the scene or one of its shape groups: every mesh moves into one
-group node, and a `bspmember` that stands for it takes its place, so that the order of shapes, emitters and sensors and
-every parameter name stay as they were. So the scene has an accelerator, and each shape group has its own, built once
-however often it is instanced.
+`regroup` works on the objects of a container, which is the scene or one of its shape groups: every such shape moves
+into one group node, and a `bspmember` that stands for it takes its place, so that the order of shapes, emitters and
+sensors and every parameter name stay as they were. So the scene has an accelerator, and each shape group has its own,
+built once however often it is instanced.
 """
 
 from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +29,9 @@ Reference = mi.Properties.ResolvedReference
 
 #: Meshes whose intersection is more than that of their triangles (this one culls back faces).
 _NOT_PLAIN = ("EllipsoidsMesh",)
+
+#: Other shapes that Mitsuba intersects one ray and one primitive at a time.
+_BOUNDED = ("Sphere", "Disk", "Cylinder", "SDFGrid", "Ellipsoids")
 
 #: Keys of the group plugins that are no setting of a tree: flags, and paths of files.
 _PLUGIN_FLAGS = {"expand": ("true", "false"), "count": ("true", "false")}
@@ -60,8 +63,12 @@ class Container:
 
     @property
     def meshes(self) -> list[mi.Mesh]:
-        """Those that go under an accelerator, in order, each once."""
+        """The triangle meshes, which go under every accelerator, in order, each once."""
         return list({child.ptr: child for _, child in self.children if is_groupable(child)}.values())
+
+    def grouped(self, spec: Spec) -> list[mi.Shape]:
+        """What goes under this accelerator, in order, each once."""
+        return list({child.ptr: child for _, child in self.children if goes_under(child, spec)}.values())
 
     @property
     def triangles(self) -> int:
@@ -70,14 +77,39 @@ class Container:
 
     @property
     def others(self) -> Counter[str]:
-        """Class names and counts of the shapes that stay with Embree."""
+        """Class names and counts of the shapes that stay with Embree under any accelerator."""
+        return self._count(lambda shape: not is_groupable(shape) and not is_bounded(shape))
+
+    @property
+    def bounded(self) -> Counter[str]:
+        """Of the shapes other than meshes that go under accelerators."""
+        return self._count(is_bounded)
+
+    @property
+    def several(self) -> Counter[str]:
+        """Of those that have more than one primitive."""
+        return self._count(lambda shape: is_bounded(shape) and shape.primitive_count() > 1)
+
+    def _count(self, chosen: Callable[[mi.Shape], bool]) -> Counter[str]:
         shapes = (child for _, child in self.children if isinstance(child, mi.Shape))
-        return Counter(shape.class_name() for shape in shapes if not is_groupable(shape))
+        return Counter(shape.class_name() for shape in shapes if chosen(shape))
 
 
 def is_groupable(thing: mi.Object | Reference) -> bool:
-    """Whether a scene object is a plain triangle mesh, which our accelerators take."""
+    """Whether a scene object is a plain triangle mesh, which all accelerators take."""
     return isinstance(thing, mi.Mesh) and thing.class_name() not in _NOT_PLAIN
+
+
+def is_bounded(thing: mi.Object | Reference) -> bool:
+    """Whether it is another shape that can go under an accelerator."""
+    return isinstance(thing, mi.Shape) and thing.class_name() in _BOUNDED
+
+
+def goes_under(thing: mi.Object | Reference, spec: Spec) -> bool:
+    """Whether it goes under this one: Mitsuba's kd-tree takes shapes of one primitive, `ize` nothing but meshes."""
+    if not is_bounded(thing):
+        return is_groupable(thing)
+    return spec.name != "ize" and (spec.name != "native" or thing.primitive_count() == 1)
 
 
 def dissolve(state: mi.parser.ParserState) -> None:
@@ -103,24 +135,24 @@ def regroup(state: mi.parser.ParserState, container: Container, spec: Spec, opti
     props = without_objects(state.nodes[container.node].props)
     if spec.name == "embree" and container.node == 0:
         props["embree_use_robust_intersections"] = spec.settings["robust"]
-    meshes = container.meshes if spec.plugin else []
+    shapes = container.grouped(spec) if spec.plugin else []
     group = len(state.nodes)
-    members = {mesh.ptr: group + 1 + index for index, mesh in enumerate(meshes)}
+    members = {shape.ptr: group + 1 + index for index, shape in enumerate(shapes)}
     for key, child in container.children:
-        grouped = spec.plugin and is_groupable(child)
+        grouped = spec.plugin and goes_under(child, spec)
         props[key] = Reference(members[child.ptr]) if grouped else child
     state.nodes[container.node].props = props
-    if meshes:
-        _append_shape(state, _group(spec, options, meshes))
-    for index, mesh in enumerate(meshes):
-        _append_shape(state, _member(mesh.id(), group, index))
+    if shapes:
+        _append_shape(state, _group(spec, options, shapes))
+    for index, shape in enumerate(shapes):
+        _append_shape(state, _member(shape.id(), group, index))
 
 
-def _group(spec: Spec, options: GroupOptions, meshes: Sequence[mi.Mesh]) -> mi.Properties:
-    """The node that holds the meshes and knows the settings of the accelerator."""
+def _group(spec: Spec, options: GroupOptions, shapes: Sequence[mi.Shape]) -> mi.Properties:
+    """The node that holds the shapes and knows the settings of the accelerator."""
     props = mi.Properties(spec.plugin)
-    for index, mesh in enumerate(meshes):
-        props[f"child_{index}"] = mesh
+    for index, shape in enumerate(shapes):
+        props[f"child_{index}"] = shape
     settings: dict[str, Value] = {"expand": False}
     if spec.is_tree:
         # As text, so that the plugin reads exactly what the spec says.
@@ -135,7 +167,7 @@ def _group(spec: Spec, options: GroupOptions, meshes: Sequence[mi.Mesh]) -> mi.P
 
 
 def _member(name: str, group: int, index: int) -> mi.Properties:
-    """The node that stands for one mesh of the node number `group`."""
+    """The node that stands for one shape of the node number `group`."""
     props = mi.Properties(MEMBER)
     props.set_id(name)
     props["group"] = Reference(group)

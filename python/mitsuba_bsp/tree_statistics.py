@@ -14,7 +14,7 @@ _LINE = re.compile(r"^\s*statistics = (\{.*\}),?\s*$", re.MULTILINE)
 
 #: What of several trees together is the sum; of the depths it is the largest.
 _ADDED = (
-    "triangles", "dropped_triangles", "nodes", "interior_nodes", "axis_nodes", "oblique_nodes", "leaves",
+    "triangles", "dropped_triangles", "primitives", "nodes", "interior_nodes", "axis_nodes", "oblique_nodes", "leaves",
     "empty_leaves", "capped_leaves", "references", "bytes", "build_s",
 )  # fmt: skip
 

@@ -65,26 +65,27 @@ def plugins(loaded: LoadedScene, spec: str) -> list[str]:
 class TestDescription:
     """The rewritten description, before any accelerator is built."""
 
-    def test_every_mesh_gives_way_to_a_member_in_its_place(self, room: Path) -> None:
+    def test_every_shape_gives_way_to_a_member_in_its_place(self, room: Path) -> None:
         assert plugins(open_file(room), "kd") == [
-            "PathIntegrator", "PerspectiveCamera", "SmoothDiffuse", "bspmember", "bspmember", "PointLight", "Sphere",
+            "PathIntegrator", "PerspectiveCamera", "SmoothDiffuse", "bspmember", "bspmember", "PointLight", "bspmember",
             "bspmember", "bspmember", "bspmember", "ConstantBackgroundEmitter",
         ]  # fmt: skip
 
-    def test_members_are_numbered_and_named_like_their_meshes(self, room: Path) -> None:
+    def test_members_are_numbered_and_named_like_their_shapes(self, room: Path) -> None:
         loaded = open_file(room)
         state = loaded.regrouped(parse_spec("kd"))
         members = [node.props for node in state.nodes if node.props.plugin_name() == "bspmember"]
-        assert [member["index"] for member in members] == list(range(5))
-        assert [member.id() for member in members] == [mesh.id() for mesh in loaded.meshes]
-        assert {member["group"].index() for member in members} == {len(state.nodes) - 6}
+        assert [member["index"] for member in members] == list(range(6))
+        shapes = loaded.containers[0].grouped(parse_spec("kd"))
+        assert [member.id() for member in members] == [shape.id() for shape in shapes]
+        assert {member["group"].index() for member in members} == {len(state.nodes) - 7}
 
-    def test_the_group_holds_the_meshes_in_order_and_the_settings(self, room: Path) -> None:
+    def test_the_group_holds_the_shapes_in_order_and_the_settings(self, room: Path) -> None:
         loaded, spec = open_file(room), parse_spec("normals:k=4")
         state = loaded.regrouped(spec, GroupOptions(count=True, cache=Path("trees")))
         group = next(node.props for node in state.nodes if node.props.plugin_name() == "bsptree")
         children = [group[key] for key in group if group.type(key) == mi.Properties.Type.Object]
-        assert [child.ptr for child in children] == [mesh.ptr for mesh in loaded.meshes]
+        assert [child.ptr for child in children] == [shape.ptr for shape in loaded.containers[0].grouped(spec)]
         given = {key: group[key] for key in group if group.type(key) != mi.Properties.Type.Object}
         plugin_keys = {"tree": "normals", "expand": False, "count": True, "cache": "trees"}
         plugin_keys |= {"record": "", "replay": ""}
@@ -140,12 +141,12 @@ class TestDescription:
         group = f'<shape type="shapegroup" id="g">{CUBE}{sphere}</shape>'
         instance = '<shape type="instance"><ref id="g"/></shape>'
         loaded = open_file(write(tmp_path, group, instance, instance, CUBE, sphere))
-        assert loaded.content == Content(24, 2, {"Sphere": 2}, shape_groups=1, instances=2)
-        assert plugins(loaded, "kd")[2:] == ["shapegroup", "instance", "instance", "bspmember", "Sphere"]
+        assert loaded.content == Content(24, 2, {}, shape_groups=1, instances=2, bounded={"Sphere": 2})
+        assert plugins(loaded, "kd")[2:] == ["shapegroup", "instance", "instance", "bspmember", "bspmember"]
         state = loaded.regrouped(parse_spec("kd"), GroupOptions(record=tmp_path / "rays"))
         (inner,) = [node.props for node in state.nodes if node.props.plugin_name() == "shapegroup"]
         first, second = (inner[key] for key in inner if inner.type(key) != mi.Properties.Type.String)
-        assert state.nodes[first.index()].props.plugin_name() == "bspmember" and second.class_name() == "Sphere"
+        assert {state.nodes[one.index()].props.plugin_name() for one in (first, second)} == {"bspmember"}
         trees = [node.props for node in state.nodes if node.props.plugin_name() == "bsptree"]
         assert [(tree["record"] != "", tree["count"]) for tree in trees] == [(True, False), (False, False)]
 
@@ -283,10 +284,41 @@ class TestScene:
         assert [shape.id() for shape in scene.shapes()] == ["ball"]
         assert scene.ray_test(mi.Ray3f([0, 0, 5], [0, 0, -1]))
 
-    def test_other_shapes_stay_outside_and_are_named(self, room: Path, spec: str, capfd: pytest.CaptureFixture) -> None:
-        mitsuba_bsp.load_file(room, spec)
-        said = "these shapes stay with Embree: 1 Sphere" in "".join(capfd.readouterr())
-        assert said == (spec != "embree")
+    def test_shapes_that_stay_outside_are_named(
+        self, tmp_path: Path, spec: str, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        (tmp_path / "curve.txt").write_text("0 0 0 0.1\n1 0 0 0.1\n2 0 1 0.1\n3 0 0 0.1\n")
+        curve = '<shape type="bsplinecurve"><string name="filename" value="curve.txt"/></shape>'
+        mitsuba_bsp.load_file(write(tmp_path, CUBE, '<shape type="sphere"/>', curve), spec)
+        said = "".join(capfd.readouterr())
+        assert ("these shapes stay with Embree: 1 BSplineCurve" in said) == (spec != "embree")
+        assert "Sphere" not in said
+
+
+@pytest.mark.parametrize(
+    ("spec", "inside"), [("kd", 5), ("normals", 5), ("auto", 5), ("brute", 5), ("native", 2), ("ize", 0)]
+)
+def test_bounded_primitives_go_under_the_trees_that_take_them(spec: str, inside: int) -> None:
+    ellipsoids = {
+        "centers": np.zeros((3, 3)),
+        "scales": np.ones((3, 3)),
+        "quaternions": np.tile([0, 0, 0, 1], (3, 1)),
+    }
+    scene = mitsuba_bsp.load_dict(
+        {
+            "type": "scene",
+            "cube": {"type": "cube"},
+            "ball": {"type": "sphere", "center": [5, 0, 0]},
+            "disk": {"type": "disk"},
+            "many": {
+                "type": "ellipsoids",
+                **{key: mi.TensorXf(v.astype(np.float32)) for key, v in ellipsoids.items()},
+            },
+        },
+        spec,
+    )
+    found = mitsuba_bsp.statistics(scene)
+    assert found["primitives"] == inside and found["triangles"] == 12
 
 
 def test_old_scenes_are_upgraded(tmp_path: Path) -> None:

@@ -202,6 +202,8 @@ def _curves(runs: Runs) -> Figure:
                     panel.plot(xs, ys, "o-", color=COLOURS[spec_of(tree).name], markersize=3.5, label=tree)
             panel.set_xscale("log")
             panel.set_yscale("log")
+            panel.xaxis.set_minor_formatter("")
+            panel.yaxis.set_minor_formatter("")
             panel.set_xlabel("seconds, building included")
             panel.set_title(f"{scene}: {name}", fontsize=10)
             plain(panel)
