@@ -147,17 +147,20 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted
     if (file && !statistics.loaded)
         save(*file, *tree, statistics);
     warn_of_caps(*tree, settings, statistics);
-    if (options.primitives) // what they answer has no bound that other modes could leave out
-        return pack_tree<Test, Mode::safe>(*tree, set, settings, std::move(statistics), options.primitives);
+    if (options.primitives)
+        return pack_mixed_tree<Test>(*tree, set, settings, std::move(statistics), options.primitives);
     switch (settings.precision) {
     case Precision::fast:
-        return pack_tree<Test, Mode::fast>(*tree, set, settings, std::move(statistics));
+        return pack_tree<Test, Mode::fast>(*tree, set, settings, std::move(statistics), nullptr);
     case Precision::epsilon:
-        return pack_tree<Test, Mode::epsilon>(*tree, set, settings, std::move(statistics));
+        return pack_tree<Test, Mode::epsilon>(*tree, set, settings, std::move(statistics), nullptr);
+    case Precision::automatic:
+        statistics.precision = "safe, for what rays need depends on where they begin: no scene alone allows less";
+        break;
     case Precision::safe:
         break;
     }
-    return pack_tree<Test, Mode::safe>(*tree, set, settings, std::move(statistics));
+    return pack_tree<Test, Mode::safe>(*tree, set, settings, std::move(statistics), nullptr);
 }
 
 } // namespace

@@ -71,21 +71,17 @@ private:
 };
 
 /// Packs the tree as the settings say and adds the time that takes to `statistics`; `primitives` is who has those that
-/// are no triangles, null if there are none. Throws std::length_error if the tree is too large for the layout.
-template <typename Test, Mode mode>
+/// are no triangles, if the tree is `mixed`. Throws std::length_error if the tree is too large for the layout.
+template <typename Test, Mode mode, bool mixed = false>
 std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set, const Settings &settings,
-                                       Statistics statistics, const Primitives *primitives = nullptr) {
+                                       Statistics statistics, const Primitives *primitives) {
     describe_tree(tree, statistics);
     const auto start = std::chrono::steady_clock::now();
     const auto finish = [&](auto walk, auto layout) -> std::unique_ptr<Accelerator> {
         statistics.phases.pack_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         statistics.build_s += statistics.phases.pack_s;
-        if constexpr (mode == Mode::safe)
-            if (primitives)
-                return std::make_unique<PackedTree<decltype(walk), true>>(std::move(layout), set, std::move(statistics),
-                                                                          primitives);
-        return std::make_unique<PackedTree<decltype(walk), false>>(std::move(layout), set, std::move(statistics),
-                                                                   nullptr);
+        return std::make_unique<PackedTree<decltype(walk), mixed>>(std::move(layout), set, std::move(statistics),
+                                                                   primitives);
     };
     if (settings.layout == LayoutKind::wide && settings.simd != Simd::avx2 && has_avx512())
         return finish(WideWalk<Test, Simd::avx512, mode>{}, pack_wide(tree, set));
@@ -102,5 +98,10 @@ std::unique_ptr<Accelerator> pack_tree(const Tree &tree, const TriangleSet &set,
     }
     return finish(BinaryWalk<Test, Splits::planes, mode>{}, std::move(layout));
 }
+
+/// The same for a tree with primitives, in the mode `safe`: what they answer has no bound that others could leave out.
+template <typename Test>
+std::unique_ptr<Accelerator> pack_mixed_tree(const Tree &tree, const TriangleSet &set, const Settings &settings,
+                                             Statistics statistics, const Primitives *primitives);
 
 } // namespace bsp

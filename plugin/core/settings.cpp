@@ -123,8 +123,10 @@ constexpr std::array<Word<AxesPolicy>, 2> always_axes_words{{{"plain", AxesPolic
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
 constexpr std::array<Word<LayoutKind>, 2> layout_words{{{"binary", LayoutKind::binary}, {"wide", LayoutKind::wide}}};
 constexpr std::array<Word<Simd>, 3> simd_words{{{"auto", Simd::best}, {"avx2", Simd::avx2}, {"avx512", Simd::avx512}}};
-constexpr std::array<Word<Precision>, 3> precision_words{
-    {{"fast", Precision::fast}, {"epsilon", Precision::epsilon}, {"safe", Precision::safe}}};
+constexpr std::array<Word<Precision>, 4> precision_words{{{"auto", Precision::automatic},
+                                                          {"fast", Precision::fast},
+                                                          {"epsilon", Precision::epsilon},
+                                                          {"safe", Precision::safe}}};
 constexpr std::array<Word<ObliquePrice>, 3> price_words{
     {{"constant", ObliquePrice::constant}, {"linear", ObliquePrice::linear}, {"surcharge", ObliquePrice::surcharge}}};
 
@@ -231,7 +233,8 @@ std::vector<Key> direction_keys() {
             "precision",
             "where a ray's interval is cut it is widened: safe, by a bound on all rounding errors, so "
             "that no hit is lost; epsilon, by 1e-5 of the largest coordinate (up to a factor of 2) along "
-            "the ray; fast, not at all",
+            "the ray; fast, not at all; auto, by what is the cheapest that loses no hit, which is the bound: what "
+            "rays need depends on where they begin, and so no scene alone allows less",
             For::tree, precision_words, [](Settings &s) -> Precision & { return s.precision; }),
     };
 }

@@ -15,9 +15,10 @@ enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
 /// How a traversal allows for rounding errors where it cuts a ray's interval at a plane or at the scene's box.
 enum class Precision {
-    fast,    ///< not at all
-    epsilon, ///< by a fixed distance, 1e-5 of the largest coordinate: the historical baseline
-    safe,    ///< by a bound on all errors: the answer is that of a loop over all triangles
+    fast,      ///< not at all
+    epsilon,   ///< by a fixed distance, 1e-5 of the largest coordinate: the historical baseline
+    safe,      ///< by a bound on all errors: the answer is that of a loop over all triangles
+    automatic, ///< the cheapest that is known to lose no ray: so far always `safe`
 };
 /// How nodes are stored and traversed.
 enum class LayoutKind {

@@ -99,6 +99,7 @@ std::string to_json(const Statistics &s) {
         object.add("spec", s.spec);
         object.add("chosen", s.chosen);
         object.add("choice", s.choice);
+        object.add("precision", s.precision);
         object.add("choose_s", s.choose_s);
         object.add("predicted_build_s", s.predicted_build_s);
         object.add("predicted_trace_s", s.predicted_trace_s);

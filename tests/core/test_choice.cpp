@@ -106,6 +106,16 @@ TEST(Choice, TellsWhatItBuilt) {
     EXPECT_GT(s.predicted_trace_s, s.predicted_build_s);
 }
 
+TEST(Choice, OfPrecisionIsSafeAndSaysWhy) {
+    const TriangleSet set = random_soup(200, 6);
+    const auto chosen = make_accelerator(set, make_settings("kd", {{"precision", "auto"}}));
+    EXPECT_EQ(chosen->statistics().precision.rfind("safe, for ", 0), 0u);
+    const auto safe = make_accelerator(set, make_settings("kd", {}));
+    EXPECT_TRUE(safe->statistics().precision.empty());
+    for (const Ray &ray : aimed_rays(set, 300, 7))
+        EXPECT_TRUE(same_bits(chosen->closest(ray), safe->closest(ray)));
+}
+
 TEST(ExpectedWork, OfOneLeafIsItsTests) {
     const TriangleSet set = make_set({{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}});
     const Work work = expected_work(build_tree(set, make_settings("kd", {})), set);

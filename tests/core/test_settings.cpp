@@ -62,7 +62,7 @@ TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
         message_of("kd", {{"colour", "red"}}).find("kd has no setting 'colour': its settings are triangle_test, "),
         std::string::npos);
     EXPECT_EQ(message_of("kd", {{"precision", "high"}}),
-              "precision=high is not valid: precision is one of fast, epsilon, safe");
+              "precision=high is not valid: precision is one of auto, fast, epsilon, safe");
     EXPECT_NE(message_of("kd", {{"k", "6"}}).find("kd has no setting 'k'"), std::string::npos);
     EXPECT_EQ(message_of("brute", {{"seed", "1"}}), "brute has no setting 'seed': its settings are triangle_test");
     EXPECT_EQ(message_of("normals", {{"intersection_cost", "0"}}),
