@@ -172,6 +172,9 @@ def _render(args: argparse.Namespace) -> int:
         markup=False,
         soft_wrap=True,
     )
+    for tree in result.values["statistics"].get("trees", [result.values["statistics"]]):
+        if tree.get("choice"):
+            out.print(f"auto: {tree['choice']}", markup=False, soft_wrap=True)
     return OK
 
 

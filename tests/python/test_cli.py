@@ -225,6 +225,11 @@ class TestBadInput:
 class TestRender:
     """`mitsuba-bsp render`."""
 
+    def test_auto_is_the_default_and_says_why(self, room: Path, command: Command) -> None:
+        result = command("render", room, "-o", "a.png", "--spp", "2", "--resolution", "16")
+        assert result.returncode == 0, result.stderr
+        assert "auto: " in result.stdout and f" to trace {16 * 16 * 2 * 6} rays" in result.stdout
+
     @pytest.mark.parametrize("spec", ["embree", "native", "kd", "normals"])
     def test_an_image_with_its_history(self, room: Path, command: Command, tmp_path: Path, spec: str) -> None:
         result = command(
