@@ -149,6 +149,8 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted
     warn_of_caps(*tree, settings, statistics);
     if (options.primitives)
         return pack_mixed_tree<Test>(*tree, set, settings, std::move(statistics), options.primitives);
+    if (settings.early_exit == EarlyExit::plane)
+        return pack_tree<Test, Mode::exit_at_plane>(*tree, set, settings, std::move(statistics), nullptr);
     switch (settings.precision) {
     case Precision::fast:
         return pack_tree<Test, Mode::fast>(*tree, set, settings, std::move(statistics), nullptr);

@@ -164,6 +164,7 @@ Settings settings_of(const Candidate &candidate, const Settings &wanted) {
     chosen.triangle_test = wanted.triangle_test;
     chosen.simd = wanted.simd;
     chosen.precision = wanted.precision;
+    chosen.early_exit = wanted.early_exit;
     chosen.max_depth = wanted.max_depth;
     chosen.depth_margin = wanted.depth_margin;
     chosen.max_references = wanted.max_references;

@@ -121,6 +121,7 @@ constexpr std::array<Word<bool>, 2> flag_words{{{"true", true}, {"false", false}
 /// Of trees that always hold the axes.
 constexpr std::array<Word<AxesPolicy>, 2> always_axes_words{{{"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
 constexpr std::array<Word<TriangleTest>, 2> test_words{{{"woop", TriangleTest::woop}, {"mt", TriangleTest::mt}}};
+constexpr std::array<Word<EarlyExit>, 2> exit_words{{{"bound", EarlyExit::bound}, {"plane", EarlyExit::plane}}};
 constexpr std::array<Word<LayoutKind>, 2> layout_words{{{"binary", LayoutKind::binary}, {"wide", LayoutKind::wide}}};
 constexpr std::array<Word<Simd>, 3> simd_words{{{"auto", Simd::best}, {"avx2", Simd::avx2}, {"avx512", Simd::avx512}}};
 constexpr std::array<Word<Precision>, 4> precision_words{{{"auto", Precision::automatic},
@@ -224,6 +225,10 @@ std::vector<Key> direction_keys() {
         word_key<TriangleTest>(
             "triangle_test", "woop: watertight (Woop, Benthin, Wald 2013); mt: the arithmetic of Mitsuba's own meshes",
             For::all, test_words, [](Settings &s) -> TriangleTest & { return s.triangle_test; }),
+        word_key<EarlyExit>("early_exit",
+                            "the search ends at a hit before all cells that begin behind it: bound, with certainty; "
+                            "plane, as computed, which may lose a closer hit; goes with precision=safe",
+                            For::tree, exit_words, [](Settings &s) -> EarlyExit & { return s.early_exit; }),
         word_key<LayoutKind>(layout_key,
                              "nodes of seven planes tested at once (wide) or of one, as in the papers (binary)",
                              For::built, layout_words, [](Settings &s) -> LayoutKind & { return s.layout; }),
@@ -364,6 +369,9 @@ void check_together(const Settings &s) {
         refuse("simd=avx512 is not valid here: this processor lacks AVX-512 F, VL, DQ or BW; simd is auto or avx2");
     if (!s.cached_dots && s.layout == LayoutKind::wide)
         refuse("cached_dots=false is not valid with layout=wide, whose nodes never cache them; layout=binary does");
+    if (s.early_exit == EarlyExit::plane && (s.precision == Precision::fast || s.precision == Precision::epsilon))
+        refuse("early_exit=plane is not valid with precision=" + word_of(precision_words, s.precision) +
+               ", which has no bound to leave out; precision=safe has");
     const std::string k = "k=" + std::to_string(s.k);
     if (s.tree == TreeKind::rbsp) {
         const bool kdop = s.k == 3 || s.k == 7 || s.k == 9 || s.k == 13;

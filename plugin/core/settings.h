@@ -13,6 +13,12 @@ namespace bsp {
 enum class TreeKind { automatic, kd, rbsp, ize, random, normals, clustered, brute };
 enum class AxesPolicy { none, plain, fast };
 enum class TriangleTest { woop, mt };
+/// Where a cell behind a plane begins for a ray that has hit something: a cell that begins behind the hit is not
+/// visited.
+enum class EarlyExit {
+    bound, ///< as early as rounding errors allow, so that what is left out is behind the hit for certain
+    plane, ///< where the plane was computed to be, as is usual
+};
 /// How a traversal allows for rounding errors where it cuts a ray's interval at a plane or at the scene's box.
 enum class Precision {
     fast,      ///< not at all
@@ -90,6 +96,7 @@ struct Settings {
     bool cached_dots = true; ///< binary nodes: n.o and n.d once per ray and direction, where directions are few
     Weighting weighting = Weighting::triangle;
     TriangleTest triangle_test = TriangleTest::woop;
+    EarlyExit early_exit = EarlyExit::bound;
     LayoutKind layout = LayoutKind::wide;
     Simd simd = Simd::best;
     Precision precision = Precision::safe;

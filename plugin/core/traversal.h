@@ -25,12 +25,13 @@
 
 namespace bsp {
 
-/// How the traversal meets rounding errors, as `Precision` says, or safely but for a mistake that is planted to show
-/// that the tests would see it.
+/// How the traversal meets rounding errors, as `Precision` and `EarlyExit` say, or safely but for a mistake that is
+/// planted to show that the tests would see it.
 enum class Mode {
     safe,              ///< intervals are widened by a bound on all errors
     epsilon,           ///< by a fixed distance along the ray
     fast,              ///< not at all: no bound is computed, none is added
+    exit_at_plane,     ///< only ends of intervals are widened, not where those behind a plane begin
     first_of_ties,     ///< equal t: the triangle found first stays
     far_child_dropped, ///< a hit before the plane, the bound forgotten, ends the search
     wrong_side,        ///< an origin in the plane visits one side only
@@ -44,6 +45,9 @@ enum class Mode {
 /// largest coordinate is about 1 (`Scale`). So it means the same for every scene, as an epsilon in the user's units
 /// would not.
 constexpr float fixed_epsilon = 1e-5f;
+
+/// Whether what is behind a plane begins where the plane was computed to be.
+constexpr bool begins_at_plane(Mode mode) { return mode == Mode::exit_at_plane || mode == Mode::far_child_dropped; }
 
 /// One half of the last digit, or what `Mode::small_bound` takes for it.
 constexpr float error_unit(Mode mode) { return mode == Mode::small_bound ? 0x1p-28f : 0x1p-24f; }
@@ -281,7 +285,7 @@ Query traverse(const BinaryLayout &layout, const Ray &ray, Query query, Counting
                 at = first;
             } else {
                 if (mode != Mode::short_stack || pending < stack_size)
-                    stack[pending++] = {second, std::max(entry, mode == Mode::far_child_dropped ? t : begin), exit};
+                    stack[pending++] = {second, std::max(entry, begins_at_plane(mode) ? t : begin), exit};
                 at = first;
                 exit = std::min(exit, end);
             }

@@ -90,6 +90,7 @@ std::uint64_t key_of(const TriangleSet &set, const Settings &settings) {
     shaping.layout = LayoutKind{};
     shaping.simd = Simd{};
     shaping.precision = Precision{};
+    shaping.early_exit = EarlyExit{};
     shaping.cached_dots = true;
     const std::string text = BSP_CORE_SOURCES + full_spec(shaping);
     Hash hash;

@@ -93,8 +93,7 @@ template <Mode mode> struct WideRay {
 
         const __m128 start = _mm_xor_ps(_mm_mul_ps(origin, per_speed), sign), zero = _mm_setzero_ps();
         inverse = twice(per_speed);
-        low = twice(widened_begin<mode>(
-            start, mode == Mode::far_child_dropped || mode == Mode::wrong_side ? zero : axis_slack));
+        low = twice(widened_begin<mode>(start, begins_at_plane(mode) || mode == Mode::wrong_side ? zero : axis_slack));
         high = twice(widened_end<mode>(start, mode == Mode::wrong_side ? zero : axis_slack));
         d[0] = twice(direction);
         d[1] = twice(_mm_permute_ps(direction, 0b11001001));
@@ -155,7 +154,7 @@ private:
             return {widened_begin<mode>(t, ray.slack), widened_end<mode>(t, ray.slack), speed};
         }
         const Float8 slack{_mm256_xor_ps(ray.slack.v, _mm256_and_ps(speed.v, _mm256_set1_ps(-0.0f)))};
-        const bool no_low = mode == Mode::far_child_dropped || mode == Mode::wrong_side;
+        const bool no_low = begins_at_plane(mode) || mode == Mode::wrong_side;
         return {(no_low ? distance : distance - slack) * inverse,
                 (mode == Mode::wrong_side ? distance : distance + slack) * inverse, speed};
     }

@@ -49,4 +49,5 @@ class Differences:
 
 def _rules(spec: Spec) -> object:
     """Trees are only expected to make identical images if they test triangles and meet rounding errors alike."""
-    return spec.settings.get("triangle_test"), spec.settings.get("precision", "safe")
+    known = spec.settings
+    return known.get("triangle_test"), known.get("precision", "safe"), known.get("early_exit", "bound")

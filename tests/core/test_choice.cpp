@@ -81,6 +81,7 @@ TEST(Choice, KeepsWhatItIsToldAndIsTheSameAgain) {
                  again = choose_tree(set, make_settings("auto", told));
     EXPECT_EQ(choice.settings.triangle_test, TriangleTest::mt);
     EXPECT_EQ(choice.settings.precision, Precision::fast);
+    EXPECT_EQ(choose_tree(set, make_settings("auto", {{"early_exit", "plane"}})).settings.early_exit, EarlyExit::plane);
     EXPECT_EQ(choice.settings.max_depth, 11);
     EXPECT_EQ(choice.settings.max_references, 3);
     EXPECT_EQ(choice.settings.seed, 9u);

@@ -63,6 +63,8 @@ TEST(Settings, MistakesNameThemselvesAndTheValidChoices) {
         std::string::npos);
     EXPECT_EQ(message_of("kd", {{"precision", "high"}}),
               "precision=high is not valid: precision is one of auto, fast, epsilon, safe");
+    EXPECT_EQ(message_of("kd", {{"early_exit", "plane"}, {"precision", "fast"}}),
+              "early_exit=plane is not valid with precision=fast, which has no bound to leave out; precision=safe has");
     EXPECT_NE(message_of("kd", {{"k", "6"}}).find("kd has no setting 'k'"), std::string::npos);
     EXPECT_EQ(message_of("brute", {{"seed", "1"}}), "brute has no setting 'seed': its settings are triangle_test");
     EXPECT_EQ(message_of("normals", {{"intersection_cost", "0"}}),

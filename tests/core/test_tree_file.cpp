@@ -146,6 +146,7 @@ TEST_F(TreeFiles, AreNamedAfterWhatDecidesTheTree) {
     };
     EXPECT_EQ(path(set, "normals", {{"triangle_test", "mt"}}), file.path());
     EXPECT_EQ(path(set, "normals", {{"precision", "fast"}}), file.path());
+    EXPECT_EQ(path(set, "normals", {{"early_exit", "plane"}}), file.path());
     EXPECT_EQ(file.path().filename().string().substr(0, 8), "normals-");
     EXPECT_NE(path(set, "random", {}), file.path());
     EXPECT_NE(path(set, "normals", {{"seed", "1"}}), file.path());

@@ -41,11 +41,11 @@ def test_trees_of_a_large_mesh_agree(trees_of_large_mesh: tuple[Mesh, tuple[Ques
 
 
 @pytest.mark.parametrize("layout", ["binary", "wide"])
-@pytest.mark.parametrize("precision", ["fast", "epsilon"])
+@pytest.mark.parametrize("given_up", ["precision=fast", "precision=epsilon", "early_exit=plane"])
 @pytest.mark.parametrize("tree", ["kd", "rbsp", "ize", "normals"])
-def test_less_precision_loses_only_rays_that_are_aimed(tree: str, precision: str, layout: str) -> None:
+def test_less_precision_loses_only_rays_that_are_aimed(tree: str, given_up: str, layout: str) -> None:
     """It answers every ray, ordinary ones as it should but for ties, and fails where it must."""
-    spec = parse_spec(f"{tree}:precision={precision},layout={layout}")
+    spec = parse_spec(f"{tree}:{given_up},layout={layout}")
     rays, wrong = Counter(), Counter()
     for mesh in small_meshes():
         accelerator = build(mesh, spec)
@@ -53,7 +53,8 @@ def test_less_precision_loses_only_rays_that_are_aimed(tree: str, precision: str
             rays[asked.family] += len(asked)
             wrong[asked.family] += int(differing(accelerator.closest(*asked.rays), asked.expected).sum())
     assert wrong["random"] + wrong["camera"] < 1e-3 * (rays["random"] + rays["camera"])
-    assert 1e-4 * rays.total() < wrong.total() < 2e-2 * rays.total()
+    least = 0 if given_up == "early_exit=plane" else 1e-4 * rays.total()  # it gives up the least
+    assert least < wrong.total() < 2e-2 * rays.total()
 
 
 def test_rays_are_aimed() -> None:

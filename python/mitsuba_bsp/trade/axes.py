@@ -23,6 +23,7 @@ UNCAPPED = 1000.0
 AXES: Mapping[str, tuple[Mapping[str, Value], ...]] = {
     "precision": ({"precision": "epsilon"}, {"precision": "fast"}),
     "triangle_test": ({"triangle_test": "mt"}, {"precision": "fast", "triangle_test": "mt"}),
+    "early_exit": ({"early_exit": "plane"},),
     "k": tuple({"k": k} for k in (3, 4, 9, 13, 25)),
     "sweep": ({"exact_below": ALWAYS_EXACT}, {"exact_below": ALWAYS_BINNED}),
     "clip": ({"clip": False},),

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _MARKERS = {"safe": "o", "epsilon": "^", "fast": "s", "auto": "D"}
 
+_EARLY = "v"
+
 _STEPS = ("axis_steps", "oblique_steps")
 
 #: How incumbents are written beside their stars.
@@ -84,10 +86,11 @@ def _front_figure(runs: Runs) -> Figure:
 
 
 def _look(spec: Spec) -> dict[str, object]:
-    """Colour: the tree; marker: its precision; filled: the watertight triangle test."""
+    """Colour: the tree; marker: its precision, or that it exits early; filled: the watertight triangle test."""
     woop = spec.settings["triangle_test"] == "woop"
+    exits_at_plane = spec.settings["early_exit"] == "plane"
     return {
-        "marker": _MARKERS[str(spec.settings["precision"])],
+        "marker": _EARLY if exits_at_plane else _MARKERS[str(spec.settings["precision"])],
         "color": COLOURS[spec.name],
         "fillstyle": "full" if woop else "none",
         "markersize": 5.5,
@@ -104,9 +107,10 @@ def _legend(figure: Figure, names: Sequence[str]) -> None:
         for precision, marker in _MARKERS.items()
         if precision != "auto"
     ]
-    handles.append(
-        Line2D([], [], marker="o", linestyle="none", color="0.4", fillstyle="none", label="triangle_test=mt")
-    )
+    handles += [
+        Line2D([], [], marker=_EARLY, linestyle="none", color="0.4", label="early_exit=plane"),
+        Line2D([], [], marker="o", linestyle="none", color="0.4", fillstyle="none", label="triangle_test=mt"),
+    ]
     handles.append(Line2D([], [], linestyle="--", color="0.3", label="Pareto front"))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
 

@@ -44,6 +44,10 @@ class Guarantee:
 GUARANTEES = (
     Guarantee("no hit lost: bounds on all errors, over none", "precision=fast"),
     Guarantee("the same, over a fixed epsilon", "precision=epsilon"),
+    Guarantee(
+        "the closest hit: the search ends where nothing closer can be, over where planes are computed",
+        "early_exit=plane",
+    ),
     Guarantee("watertight edges: Woop's test, over Moeller and Trumbore's", "triangle_test=mt"),
     Guarantee("all answers those of a loop: both, over neither", "precision=fast,triangle_test=mt"),
     Guarantee("memory: at most 8 references per triangle, over no cap", f"max_references={UNCAPPED:g}"),
