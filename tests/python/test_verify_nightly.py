@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 import pytest
 from conftest import WILD_PLY
 
 from mitsuba_bsp.image_regression import Setup, render
 from mitsuba_bsp.judging import Rendering
+from mitsuba_bsp.spec import parse_spec
 from mitsuba_bsp.verification import (
     checks_exact,
     checks_files,
@@ -17,17 +19,21 @@ from mitsuba_bsp.verification import (
     checks_memory,
     checks_soak,
     checks_spawn,
+    checks_speed,
+    exactness,
 )
 from mitsuba_bsp.verification.check import Plan, all_checks
-from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact
+from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact, wrong_answers
 from mitsuba_bsp.verification.meshes import Mesh, sphere
 from mitsuba_bsp.verification.oracle import brute_force
+from mitsuba_bsp.verification.rays import vertex_rays
 from mitsuba_bsp.verification.runner import Listener, Result, run
 from mitsuba_bsp.verification.subjects import chosen_subjects
+from mitsuba_bsp.verification.wrapped import group, to_mitsuba
 
 
-def result_of(check: str, scale: float) -> Result:
-    plan = Plan(chosen_subjects(["kd", "normals"]), scale=scale)
+def result_of(check: str, scale: float, folder: Path | None = None) -> Result:
+    plan = Plan(chosen_subjects(["kd", "normals"]), scale=scale, folder=folder)
     (found,) = run([all_checks()[check]], plan, Listener())
     assert found.records
     return found
@@ -42,12 +48,36 @@ class TestExact:
         found = result_of("N03", 0.01)
         assert found.passed and sum(found.tried.values()) > 100
         inside = [row for row in found.records if row["judged"]]
-        assert len(inside) >= 5 and all(row["figures"]["largest error of t, ulp"] < 2 for row in inside)
+        assert len(inside) >= 5 and all(row["figures"][exactness.ERROR] < 2 for row in inside)
+        assert all(row["figures"][exactness.OF_REACH] < 2 for row in inside)
 
     def test_a_test_that_is_not_watertight_is_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(checks_exact, "brute_force", lambda mesh: brute_force(mesh, "mt"))
+        monkeypatch.setattr(checks_exact, "brute_force", lambda mesh, test="mt": brute_force(mesh, test))
         found = result_of("N03", 0.02)
         assert not found.passed and "misses what exact arithmetic hits" in found.failures[0]
+
+    def test_disputed_rays_are_disputed(self) -> None:
+        mesh = sphere("sphere", 10)
+        o, d = checks_exact.disputed_rays(mesh, 40, np.random.default_rng(1))
+        ends = np.full(len(o), np.inf, np.float32)
+        woop, mt = (brute_force(mesh, test).closest(o, d, ends)["triangle"] for test in ("woop", "mt"))
+        assert 10 < len(o) <= 40 and (woop != mt).all()
+
+    def test_rates_and_errors_are_published(self) -> None:
+        found = result_of("N03", 0.01)
+        (table,) = found.check.tables(found.records)
+        assert len(table.rows) == len(found.records)
+        counts = [int(row[1].replace(",", "")) for row in table.rows]
+        assert sum(counts) == sum(row["tried"] for row in found.records)
+
+
+class TestExtremes:
+    def test_the_error_of_the_triangle_test_is_published(self) -> None:
+        found = result_of("N07", 0.002)
+        assert found.passed
+        (table,) = found.check.tables(found.records)
+        names = [row[0].partition(",")[0] for row in table.rows]
+        assert len(names) == 15 + 13 + 13 and {"moved by 1e7", "aspect 1e12", "scaled by 1e-30"} <= set(names)
 
 
 class TestSpawnedRays:
@@ -55,6 +85,12 @@ class TestSpawnedRays:
         found = result_of("N06", 0.01)
         assert found.passed and sum(found.tried.values()) == 10 * 100 * 2
         assert all(0 < least <= 1 for least in figures(found, "least offset without a hit, of Mitsuba's"))
+
+    def test_the_least_offset_of_all_is_published(self) -> None:
+        found = result_of("N06", 0.06)
+        (table,) = found.check.tables(found.records)
+        least = figures(found, checks_spawn.LEAST)
+        assert len(least) == 2 and table.rows[0][-1] == f"{max(least):.3g}"
 
     def test_rays_that_hit_their_own_triangle_are_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(checks_spawn, "_normal", lambda mesh: np.array([0.6, 0.0, 0.8]))
@@ -74,6 +110,18 @@ class TestDamagedFiles:
             files[-1].write_bytes(intact(kind))
         done, death = checks_files._look_at(files, 1)
         assert death is None and all(row["loaded"] and row["wrong"] == 0 and row["rays"] for row in done)
+
+    def test_each_wrong_answer_is_seen(self) -> None:
+        """The scene's answers against those about another mesh."""
+        mesh, other = sphere("sphere", 6), sphere("larger", 7)
+        rays = vertex_rays(mesh, 50, np.random.default_rng(1))
+        scene = mi.load_dict({"type": "scene", "group": group(parse_spec("kd"), {"mesh": to_mitsuba(mesh)})})
+        right, others = (brute_force(m).closest(*rays, np.full(50, np.inf, np.float32)) for m in (mesh, other))
+        assert not wrong_answers(scene, rays, right).any()
+        assert wrong_answers(scene, rays, others).any()
+        hit = right["triangle"] < len(mesh.faces)
+        shifted = {**right, "triangle": np.where(hit, right["triangle"] ^ 1, right["triangle"])}
+        assert (wrong_answers(scene, rays, shifted) == hit).all() and hit.sum() > 20
 
     def test_damage_is_done_and_is_the_same_again(self) -> None:
         for kind in KINDS:
@@ -97,6 +145,24 @@ class TestMemory:
     def test_trees_keep_to_their_budget(self) -> None:
         found = result_of("N09", 0.005)
         assert found.passed and len(found.records) >= 20
+
+    def test_there_are_24_sizes_up_to_a_million(self) -> None:
+        found = checks_memory.sizes(checks_memory.LARGEST)
+        assert len(found) == 24 and found[0] == 128 and found[-1] == 1_000_000
+
+    def test_the_curve_is_published(self) -> None:
+        found = result_of("N09", 0.0003)
+        curves = found.check.tables(found.records)
+        assert len(curves) == 3
+        for curve in curves:
+            assert [row[0] for row in curve.rows] == [f"{n} triangles" for n in (128, 192, 288, 300)]
+            assert all(float(cell) > 0 for row in curve.rows for cell in row[1:])
+
+    def test_the_peak_is_that_of_the_tree_at_least_every_time(self) -> None:
+        found = [figures(result_of("N09", 0.0003), checks_memory.PEAK) for _ in range(2)]
+        sizes = figures(result_of("N09", 0.0003), checks_memory.BYTES)
+        for peaks in found:
+            assert all(peak > size for peak, size in zip(peaks, sizes, strict=True))
 
     def test_a_smaller_budget_would_be_broken(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(checks_memory, "BUDGETS", {"kd": 5, "rbsp": 5, "normals": 5})
@@ -135,3 +201,28 @@ class TestSoak:
         monkeypatch.setattr(checks_soak, "LEFT_BYTES", -(10**12))
         found = result_of("N10", 0.002)
         assert {"soak", "answers", "memory"} <= set(found.wrong)
+
+
+class TestSpeed:
+    @pytest.fixture(autouse=True)
+    def _small(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(checks_speed, "MESHES", {"sphere": lambda: sphere("sphere", 20)})
+
+    def test_the_first_night_has_nothing_to_compare(self, tmp_path: Path) -> None:
+        found = result_of("N13", 0.01, tmp_path)
+        assert found.passed and len(found.records) == 2 and all(speed > 0 for speed in figures(found, "sphere"))
+        assert [row[2] for row in found.check.tables(found.records)[0].rows] == ["-", "-"]
+
+    def test_a_slower_tree_is_seen_but_not_noise(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def night(seed: int, *speeds: float) -> Result:
+            measured = iter(speeds)
+            monkeypatch.setattr(checks_speed, "_speed", lambda *_: next(measured))
+            plan = Plan(chosen_subjects(["kd"]), seed=seed, folder=tmp_path)
+            return run([all_checks()["N13"]], plan, Listener())[0]
+
+        assert night(1, 2.0).passed
+        assert night(2, 1.91).passed  # within 5 %
+        assert night(3, 1.5, 1.6, 2.1).passed  # not again
+        slower = night(4, 1.99, 1.9, 1.98)
+        assert slower.wrong == {"sphere": 1} and "1.99 times as fast as native, it was 2.10" in slower.failures[0]
+        assert slower.check.tables(slower.records)[0].rows == (("kd", "1.99", "2.10"),)

@@ -21,9 +21,10 @@ from .contest import (
     names,
     report,
 )
+from .exactness import against_exact, exactness_tables, publish
 from .meshes import Mesh, large_mesh, slivers, small_meshes, soup, sphere
 from .oracle import Questions, brute_force, found, questions_to
-from .rays import interior_rays
+from .rays import FAMILIES, interior_rays
 from .real_meshes import real_meshes
 
 UNIT = 1_000_000  #: rays of a unit
@@ -33,6 +34,7 @@ N02_RAYS = 100_000_000  #: between trees, on meshes of a million triangles
 N02_REAL_RAYS = 1_000_000  #: on each further mesh
 N04_RAYS = 1_000_000  #: of each kind, at each place
 N07_RAYS = 1_000_000  #: of each mesh
+N07_EXACT_RAYS = 400  #: of each mesh, in exact arithmetic
 
 #: From afar the error bound is as large as the mesh, and a ray visits much of its tree: a millisecond at a million
 #: triangles.
@@ -148,7 +150,13 @@ def _escapes(plan: Plan, kind: str, large: _Large) -> Outcome:
     return outcome
 
 
-@check("N07", "equal to brute force wherever, however large, however thin")
+@check(
+    "N07",
+    "equal to brute force wherever, however large, however thin",
+    exactness_tables(
+        "The triangle test at the extremes, against exact arithmetic", lambda unit: unit.partition(",")[0]
+    ),
+)
 def extremes(plan: Plan) -> Iterator[Unit]:
     subjects = judged_subjects(plan)
     for mesh in extreme_meshes():
@@ -175,4 +183,9 @@ def _extreme(plan: Plan, mesh: Mesh, subjects: tuple[Subject, ...]) -> Outcome:
     contestants = enter(mesh, subjects)
     outcome = _against(plan, mesh, 0, plan.count(N07_RAYS), brute_force(mesh), contestants)
     outcome.figures["dropped triangles"] = json.loads(contestants[0].tree.statistics())["dropped_triangles"]
+    for family, make in FAMILIES.items():
+        o, d = make(mesh, plan.count(N07_EXACT_RAYS / len(FAMILIES)), plan.rng("N07 exact", mesh.name, family))
+        ends = np.full(len(o), np.inf, np.float32)
+        asked = Questions(mesh, family, plan.seed, o, d, ends, brute_force(mesh).closest(o, d, ends))
+        publish(outcome, asked, against_exact(asked))
     return outcome

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from .. import _allocations
 from ..machine import available_threads
 from ..spec import parse_spec
-from .check import Outcome, Plan, Unit, check
+from ..text_table import TextTable
+from .check import Outcome, Plan, Record, Unit, check
 from .meshes import Mesh, sphere
 from .oracle import build
 from .threads import thread_count
@@ -25,13 +26,44 @@ THREADS_RATIO = 1.12
 THREAD_BYTES = 1_000_000
 
 
-@check("N09", "bytes per triangle keep to their budget")
+#: Figures of a unit.
+BYTES, PEAK, RATIO = "bytes per triangle", "peak per triangle", "peak on all threads over one"
+
+
+def tables(records: Sequence[Record]) -> list[TextTable]:
+    """One for each figure: a row for each size, a column for each tree."""
+    by_size: dict[str, dict[str, Record]] = {}
+    for row in records:
+        by_size.setdefault(row["unit"].partition(", ")[2], {})[row["spec"]] = row["figures"]
+    return [
+        TextTable(
+            f"Memory: {key}",
+            ("mesh", *BUDGETS),
+            tuple((size, *(_cell(found[spec].get(key)) for spec in BUDGETS)) for size, found in by_size.items()),
+        )
+        for key in (BYTES, PEAK, RATIO)
+    ]
+
+
+def _cell(value: float | None) -> str:
+    """Nothing where measuring failed."""
+    return "-" if value is None else f"{value:,.4g}"
+
+
+@check("N09", "bytes per triangle keep to their budget", tables)
 def memory_curve(plan: Plan) -> Iterator[Unit]:
-    size = float(SMALLEST)
-    while size <= max(SMALLEST, LARGEST * min(1.0, plan.scale)):
+    for size in sizes(LARGEST * min(1.0, plan.scale)):
         for spec in BUDGETS:
-            yield Unit(f"{spec}, {size:.0f} triangles", spec, lambda s=spec, n=int(size): _measure(s, n))
+            yield Unit(f"{spec}, {size} triangles", spec, lambda s=spec, n=size: _measure(s, n))
+
+
+def sizes(largest: float) -> list[int]:
+    """From the smallest on, each 1.5 times the one before; the last is the largest itself."""
+    found, size = [], float(SMALLEST)
+    while size < largest:
+        found.append(int(size))
         size *= GROWTH
+    return [*found, max(SMALLEST, round(largest))]
 
 
 @lru_cache(maxsize=1)
@@ -56,15 +88,15 @@ def _measure(spec: str, triangles: int) -> Outcome:
     outcome.expect("threads", together <= most, sentence)
     outcome.figures = {
         "triangles": count,
-        "bytes per triangle": round(tree_bytes / count, 1),
-        "peak per triangle": round(alone / count, 1),
-        "peak on all threads over one": round(together / alone, 3),
+        BYTES: round(tree_bytes / count, 1),
+        PEAK: round(alone / count, 1),
+        RATIO: round(together / alone, 3),
     }
     return outcome
 
 
 def _peak(mesh: Mesh, spec: str) -> int:
-    """The most bytes at once while building, beyond what was there."""
+    """The most bytes at once while building, with the scratch memory that threads have kept from earlier builds."""
     before = _allocations.live_bytes()
     _allocations.build(mesh.vertices, mesh.faces, spec, {}, "")
-    return _allocations.peak_bytes() - before
+    return before + _allocations.peak_bytes()  # the latter is counted from the former on

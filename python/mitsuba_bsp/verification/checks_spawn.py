@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ..scalar import mitsuba
 from ..spec import parse_spec
-from .check import Failure, Outcome, Plan, Unit, check
+from ..text_table import TextTable
+from .check import Failure, Outcome, Plan, Record, Unit, check
 from .meshes import Mesh, of_corners
 from .oracle import build
 from .rays import Generator
@@ -25,7 +26,20 @@ MITSUBA_OFFSET = 1500 * 2.0**-24
 _HALVINGS = 16
 
 
-@check("N06", "spawned rays do not hit where they come from")
+#: The figure of a unit: the least of these shares with which no ray of its triangles hits where it comes from.
+LEAST = "least offset without a hit, of Mitsuba's"
+
+
+def tables(records: Sequence[Record]) -> list[TextTable]:
+    """The least offset for all triangles together."""
+    least = max((row["figures"].get(LEAST, 0.0) for row in records), default=0.0)
+    rays = sum(row["tried"] for row in records)
+    head = ("spawned rays", "Mitsuba's offset", LEAST)
+    cells = (f"{rays:,}", f"{MITSUBA_OFFSET:.3g} (1 + max |p|)", f"{least:.3g}")
+    return [TextTable("Offsets of spawned rays", head, (cells,))]
+
+
+@check("N06", "spawned rays do not hit where they come from", tables)
 def spawned_rays(plan: Plan) -> Iterator[Unit]:
     triangles, rays = plan.count(TRIANGLES), plan.count(RAYS)
     for start in range(0, triangles, PER_UNIT):
@@ -42,7 +56,7 @@ def _spawn(plan: Plan, numbers: range, count: int) -> Outcome:
         points, directions = _leaving(mesh, count, rng)
         least = max(least, _least_offset(mesh, points, directions))
         _through_mitsuba(outcome, plan, mesh, points, directions)
-    outcome.figures["least offset without a hit, of Mitsuba's"] = least
+    outcome.figures[LEAST] = least
     return outcome
 
 
