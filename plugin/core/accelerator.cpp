@@ -23,16 +23,17 @@ Statistics describe(const TriangleSet &set, const Settings &settings) {
     return s;
 }
 
-/// Every triangle, one at a time, by the same test: the oracle. It shares nothing with the trees but `Test::intersect`.
+/// Every triangle and primitive, one at a time, by the same test: the oracle. It shares nothing with the trees but
+/// `Test::intersect` and `PrimitiveQuestion`.
 template <typename Test> class BruteForce final : public Accelerator {
 public:
     BruteForce(const TriangleSet &set, Statistics statistics, const Primitives *primitives)
-        : m_scale(set.scale), m_primitives(primitives), m_primitive_count(std::uint32_t(set.primitives.size())) {
+        : m_scale(set.scale), m_primitives(primitives), m_boxes(set.primitives.begin(), set.primitives.end()) {
         for (const std::uint32_t id : set.valid)
             m_triangles.push_back({set.triangles[id], id});
         m_statistics = std::move(statistics);
-        m_statistics.references = m_triangles.size();
-        m_statistics.bytes = m_triangles.size() * sizeof m_triangles[0];
+        m_statistics.references = set.size();
+        m_statistics.bytes = m_triangles.size() * sizeof m_triangles[0] + m_boxes.size() * sizeof m_boxes[0];
         m_bounds = set.user_bounds();
     }
 
@@ -45,22 +46,23 @@ public:
             if (const TriangleHit hit = test.intersect(triangle);
                 hit.t() >= 0 && hit.t() <= own.maxt && (hit.t() < best.t || !best.found()))
                 best = {hit.t(), hit.u(), hit.v(), id};
-        best = in_users_units(best, scaled.per_t);
-        for (std::uint32_t index = 0; own.maxt >= 0 && index < m_primitive_count; ++index)
-            if (const float t = m_primitives->closest(index, ray); t >= 0 && t < best.t)
+        for (std::uint32_t index = 0; own.maxt >= 0 && index < m_boxes.size(); ++index)
+            if (const float t = PrimitiveQuestion(*m_primitives, ray, scaled).t(m_boxes[index], index);
+                t >= 0 && t <= own.maxt && t < best.t)
                 best = {t, 0, 0, primitive_id(index)};
-        return best;
+        return in_users_units(best, scaled.per_t);
     }
 
     bool any(const Ray &ray) const noexcept override { return closest(ray).found(); }
     std::vector<Plane> planes() const override { return {}; }
     std::vector<MemoryPart> memory() const override {
-        return {{m_triangles.data(), m_triangles.size() * sizeof m_triangles[0]}};
+        return {{m_triangles.data(), m_triangles.size() * sizeof m_triangles[0]},
+                {m_boxes.data(), m_boxes.size() * sizeof m_boxes[0]}};
     }
 
     Hit count_closest(const Ray &ray, Counters &counters) const noexcept override {
         ++counters.rays;
-        counters.triangle_tests += m_triangles.size();
+        counters.triangle_tests += m_triangles.size() + m_boxes.size();
         return closest(ray);
     }
     bool count_any(const Ray &ray, Counters &counters) const noexcept override {
@@ -76,7 +78,7 @@ private:
     Scale m_scale;
     std::vector<Entry> m_triangles;
     const Primitives *m_primitives;
-    std::uint32_t m_primitive_count;
+    std::vector<PrimitiveBox> m_boxes;
 };
 
 void warn(const std::string &sentence, Statistics &statistics) {

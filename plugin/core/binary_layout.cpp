@@ -104,7 +104,7 @@ void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &
         TriangleBlock block;
         for (unsigned lane = 0; lane < TriangleBlock::width && i + lane < count; ++lane)
             if (const std::uint32_t id = ids[i + lane]; is_primitive(id))
-                block.set(lane, set.primitives[primitive_index(id)], id);
+                block.set(lane, PrimitiveBox(set.primitives[primitive_index(id)]), id);
             else
                 block.set(lane, set.triangles[id], id);
         blocks.push_back(block);

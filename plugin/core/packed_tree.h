@@ -58,7 +58,7 @@ private:
     template <typename Query, typename Counting> auto run(const Ray &ray, Counting counting) const noexcept {
         const ScaledRay own = m_scale.apply(ray);
         if constexpr (mixed) {
-            const WithPrimitives<Query> query(own.d[3], {*m_primitives, ray, own.per_t});
+            const WithPrimitives<Query> query(own.d[3], {*m_primitives, ray, own});
             return in_users_units(Walk::run(m_layout, own, query, counting).result(), own.per_t);
         } else {
             return in_users_units(Walk::run(m_layout, own, Query(own.d[3]), counting).result(), own.per_t);

@@ -11,6 +11,17 @@
 
 namespace bsp {
 
+/// The box of a primitive as rays see it, in floats, which `TriangleSet::add_primitive` has seen to.
+struct PrimitiveBox {
+    Vec3f corners[2]; ///< the lower and the upper one
+
+    explicit PrimitiveBox(const Bounds &box)
+        : corners{{float(box.lower.x), float(box.lower.y), float(box.lower.z)},
+                  {float(box.upper.x), float(box.upper.y), float(box.upper.z)}} {}
+
+    float operator()(unsigned corner, unsigned axis) const { return corners[corner][axis]; }
+};
+
 struct alignas(32) TriangleBlock {
     static constexpr unsigned width = Float8::width;
 
@@ -31,12 +42,11 @@ struct alignas(32) TriangleBlock {
         ids[lane] = id;
     }
 
-    /// Of a primitive the block holds two corners of its box, and nothing that a triangle test accepts.
-    void set(unsigned lane, const Bounds &box, std::uint32_t id) {
-        for (unsigned axis = 0; axis < 3; ++axis) {
-            vertices[0][axis][lane] = float(box.lower[axis]);
-            vertices[1][axis][lane] = float(box.upper[axis]);
-        }
+    /// Of a primitive the block holds two corners of its box; the third is not a number, so that no triangle test hits.
+    void set(unsigned lane, const PrimitiveBox &box, std::uint32_t id) {
+        for (unsigned corner = 0; corner < 2; ++corner)
+            for (unsigned axis = 0; axis < 3; ++axis)
+                vertices[corner][axis][lane] = box(corner, axis);
         ids[lane] = id;
     }
 

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "sorting.h"
 #include "standard_floats.h"
 
 namespace bsp {
@@ -92,9 +93,11 @@ void TriangleSet::add(const float *vertices, std::size_t vertex_count, const std
 void TriangleSet::add_primitive(const Bounds &box) {
     if (primitives.size() + 1 >= primitive_bit)
         throw std::length_error("2^31 primitives in one tree");
-    primitives.push_back(box);
-    bounds.extend(box.lower);
-    bounds.extend(box.upper);
+    const Bounds grown{{round_down(box.lower.x), round_down(box.lower.y), round_down(box.lower.z)},
+                       {round_up(box.upper.x), round_up(box.upper.y), round_up(box.upper.z)}};
+    primitives.push_back(grown);
+    bounds.extend(grown.lower);
+    bounds.extend(grown.upper);
 }
 
 void TriangleSet::rescale() {

@@ -39,7 +39,8 @@ struct TriangleSet {
     /// std::length_error if there would be more than 2^31 triangles. Nothing is added if it throws.
     void add(const float *vertices, std::size_t vertex_count, const std::uint32_t *faces, std::size_t face_count);
 
-    /// Appends a primitive, by its box, which is not empty and finite. Throws std::length_error if there would be 2^31.
+    /// Appends a primitive, by its box, which is not empty and finite and grows to the next floats. Throws
+    /// std::length_error if there would be 2^31.
     void add_primitive(const Bounds &box);
 
     /// Brings coordinates near 1. To be called at most once, when all has been added. A coordinate whose

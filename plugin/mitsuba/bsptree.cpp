@@ -21,7 +21,7 @@ NAMESPACE_BEGIN(mitsuba)
 
 template <typename Float, typename Spectrum> class BSPTree final : public Group<Float, Spectrum> {
 public:
-    MI_IMPORT_BASE(Group, m_children, mesh, child_name, intersect_primitive, rebuild)
+    MI_IMPORT_BASE(Group, m_children, mesh, extent, child_name, intersect_primitive, rebuild)
     MI_IMPORT_TYPES()
     using typename Base::Hit;
 
@@ -88,14 +88,18 @@ protected:
     void build() override {
         bsp::TriangleSet set;
         std::vector<uint32_t> starts;
+        size_t dropped = 0; // primitives
         auto primitives = std::make_unique<OwnPrimitives>();
         for (size_t i = 0; i < m_children.size(); ++i) {
             starts.push_back(uint32_t(set.triangles.size()));
             if (!mesh(i)) {
                 for (uint32_t k = 0; k < m_children[i]->primitive_count(); ++k) {
-                    set.add_primitive(padded_primitive(m_children[i]->bbox(k)));
-                    primitives->places.push_back({m_children[i].get(), uint32_t(i), k});
+                    if (const ScalarBoundingBox3f box = m_children[i]->bbox(k); is_finite(box)) {
+                        set.add_primitive(padded_primitive(box));
+                        primitives->places.push_back({m_children[i].get(), uint32_t(i), k});
+                    }
                 }
+                dropped += extent(i).others;
                 continue;
             }
             ShapeIR ir;
@@ -121,6 +125,9 @@ protected:
         if (s.dropped_triangles > 0)
             Log(Warn, "%d of %d triangles have no area or a vertex that is not finite: they are left out",
                 s.dropped_triangles, given);
+        if (dropped > 0)
+            Log(Warn, "%d of %d other primitives have a box that is not finite: they are left out", dropped,
+                given_primitives + dropped);
         if (!s.choice.empty())
             Log(Info, "auto: %s", s.choice);
         if (!s.precision.empty())
@@ -150,9 +157,6 @@ private:
             const PreliminaryIntersection3f pi =
                 place.shape->ray_intersect_preliminary(from_ray(ray), place.primitive, true);
             return pi.is_valid() ? pi.t : std::numeric_limits<float>::infinity();
-        }
-        bool any(uint32_t index, const bsp::Ray &ray) const noexcept override {
-            return places[index].shape->ray_test(from_ray(ray), places[index].primitive, true);
         }
     };
 

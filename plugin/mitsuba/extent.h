@@ -22,11 +22,13 @@ inline bool is_bounded_primitive(std::string_view class_name) {
 
 using Box3f = BoundingBox<Point<float, 3>>;
 
-/// The triangles of a mesh, or another shape. The box is that of those whose vertices are finite, and never the mesh's
-/// own: after Mitsuba has merged rectangles that is too small.
+inline bool is_finite(const Box3f &box) { return dr::all(dr::isfinite(box.min) & dr::isfinite(box.max)); }
+
+/// The triangles of a mesh, or the primitives of another shape. The box is that of those that are finite, and never the
+/// mesh's own: after Mitsuba has merged rectangles that is too small.
 struct Extent {
     Box3f box;
-    size_t others = 0; ///< triangles with a vertex that is not finite
+    size_t others = 0; ///< triangles with a vertex, or primitives with a box, that is not finite
 };
 
 /// Embree drops a shape that reaches beyond 1.844e18 without a word. The margin of `padded` is a 500th of this at most.
@@ -67,18 +69,23 @@ inline Extent measure_triangles(const ShapeIR &ir, const std::string &name) {
     return extent;
 }
 
-/// Another shape, by its own box. Throws if that is not finite or reaches too far.
-inline Extent measure_box(const Box3f &box, const std::string &name) {
-    if (!box.valid() || !dr::all(dr::isfinite(box.min) & dr::isfinite(box.max)))
-        Throw("%s has no finite box: from %s to %s", name, box.min, box.max);
-    check_reach(box, name);
-    return {box, 0};
+/// Another shape, by the boxes of its primitives. Throws if one reaches too far.
+template <typename Shape> Extent measure_primitives(const Shape &shape, const std::string &name) {
+    Extent extent;
+    for (uint32_t i = 0; i < shape.primitive_count(); ++i) {
+        if (const Box3f box = shape.bbox(i); is_finite(box))
+            extent.box.expand(box);
+        else
+            ++extent.others;
+    }
+    check_reach(extent.box, name);
+    return extent;
 }
 
-/// A primitive's box with a margin, for Mitsuba states no bounds on the errors of its boxes and hits.
+/// A primitive's box with a margin for the rounding errors of its coordinates, which are about 2^-24 of them.
 inline bsp::Bounds padded_primitive(const Box3f &box) {
     const double largest = std::max(dr::max(dr::abs(box.min)), dr::max(dr::abs(box.max)));
-    const double margin = 0x1p-10 * double(dr::max(box.extents())) + 0x1p-18 * largest;
+    const double margin = 0x1p-18 * largest;
     bsp::Bounds padded;
     padded.extend({box.min.x() - margin, box.min.y() - margin, box.min.z() - margin});
     padded.extend({box.max.x() + margin, box.max.y() + margin, box.max.z() + margin});

@@ -319,7 +319,7 @@ template <typename Float, typename Spectrum> std::string Group<Float, Spectrum>:
 
 template <typename Float, typename Spectrum> Extent Group<Float, Spectrum>::measure(size_t index) const {
     if (!mesh(index))
-        return measure_box(m_children[index]->bbox(), "child " + child_name(index));
+        return measure_primitives(*m_children[index], "child " + child_name(index));
     ShapeIR ir;
     m_children[index]->describe(ir);
     return measure_triangles(ir, "child " + child_name(index));

@@ -139,13 +139,17 @@ protected:
     void build() override {
         const auto start = std::chrono::steady_clock::now();
         clear();
+        size_t dropped_others = 0;
         for (size_t i = 0; i < m_children.size(); ++i) {
-            if (extent(i).others > 0)
-                m_tree->add(ref<Shape<Float, Spectrum>>(finite_copy(*mesh(i)).get()), extent(i).box);
+            const size_t dropped = extent(i).others;
+            if (!mesh(i) && dropped > 0)
+                m_tree->add(new Mesh("", 0, 0), {}); // in its place, so that the others keep their indices
+            else if (dropped > 0)
+                m_tree->add(finite_copy(*mesh(i)).get(), extent(i).box);
             else
                 m_tree->add(m_children[i], extent(i).box);
-            m_dropped += extent(i).others;
-            m_others += mesh(i) ? 0 : 1;
+            (mesh(i) ? m_dropped : dropped_others) += dropped;
+            m_others += !mesh(i) && dropped == 0;
         }
         if (m_tree->bbox().valid())
             m_tree->build();
@@ -153,6 +157,9 @@ protected:
         if (m_dropped > 0)
             Log(Warn, "%d of %d triangles have a vertex that is not finite: they are left out", m_dropped,
                 m_tree->primitive_count());
+        if (dropped_others > 0)
+            Log(Warn, "%d of %d other primitives have a box that is not finite: they are left out", dropped_others,
+                m_others + dropped_others);
         Log(Info, "nativekdtree: %d triangles and other primitives, %d nodes, %d references, %.3f s",
             m_tree->primitive_count(), m_tree->node_count(), m_tree->reference_count(), m_build_s);
     }

@@ -4,6 +4,7 @@
 
 #include "accelerator.h"
 #include "builder.h"
+#include "hash.h"
 #include "helpers.h"
 #include "tree_file.h"
 
@@ -12,7 +13,7 @@ using namespace bsp;
 namespace {
 
 /// Spheres, intersected in double precision.
-class Spheres final : public Primitives {
+class Spheres : public Primitives {
 public:
     struct Sphere {
         Vec3d centre;
@@ -31,7 +32,6 @@ public:
                 return t;
         return HUGE_VALF;
     }
-    bool any(std::uint32_t index, const Ray &ray) const noexcept override { return closest(index, ray) < HUGE_VALF; }
 
     void add_to(TriangleSet &set) const {
         for (const Sphere &s : spheres) {
@@ -39,6 +39,21 @@ public:
             const Vec3d reach{half, half, half};
             set.add_primitive({s.centre - reach, s.centre + reach});
         }
+    }
+};
+
+/// Their owner says anything: a hit before or behind the box, none, or no number.
+class Liars final : public Spheres {
+public:
+    explicit Liars(const Spheres &spheres) : Spheres(spheres) {}
+
+    float closest(std::uint32_t index, const Ray &ray) const noexcept override {
+        Hash hash;
+        hash.add(&index, sizeof index);
+        hash.add(&ray, sizeof ray);
+        Random random(hash.value());
+        const double choice = random.uniform();
+        return choice < 0.3 ? HUGE_VALF : choice < 0.4 ? NAN : float(8 * random.uniform() * random.uniform());
     }
 };
 
@@ -104,6 +119,57 @@ TEST(Primitives, AreHitWithoutTriangles) {
             rays.push_back({{from.x * s, from.y * s, from.z * s}, to - from});
         }
         expect_like_brute(set, spheres, rays);
+    }
+}
+
+TEST(Primitives, AreHitFromAfar) {
+    const Spheres spheres = random_spheres(200, 6, 0.01);
+    TriangleSet set;
+    spheres.add_to(set);
+    Random random(7);
+    std::vector<Ray> rays;
+    for (const float distance : {30.0f, 1e3f, 1e5f, 1e7f})
+        for (int i = 0; i < 300; ++i) {
+            const Spheres::Sphere &s = spheres.spheres[std::size_t(i) % spheres.spheres.size()];
+            Vec3f d = random_point(random);
+            d[std::size_t(i) % 3] *= i % 2 ? 1.0f : 1e-4f;
+            const Vec3f target = random_point(random);
+            const float radius = float(s.radius);
+            rays.push_back({{float(s.centre.x) + radius * target.x - distance * d.x,
+                             float(s.centre.y) + radius * target.y - distance * d.y,
+                             float(s.centre.z) + radius * target.z - distance * d.z},
+                            d});
+        }
+    expect_like_brute(set, spheres, rays);
+}
+
+TEST(Primitives, AreTheSameInEveryTreeWhateverTheirOwnerSays) {
+    TriangleSet set = random_soup(50, 8);
+    const Liars liars(random_spheres(150, 9, 0.1));
+    const std::vector<Ray> rays = aimed_rays(set, 500, 10);
+    liars.add_to(set);
+    expect_like_brute(set, liars, rays);
+}
+
+TEST(Primitives, AHitOutsideTheBoxIsMovedIntoIt) {
+    class Fixed final : public Primitives {
+    public:
+        float t = 0;
+        float closest(std::uint32_t, const Ray &) const noexcept override { return t; }
+    } owner;
+    TriangleSet set;
+    set.add_primitive({{-1, -1, -1}, {1, 1, 1}});
+    for (const char *name : {"kd", "brute"}) {
+        const auto tree = make_accelerator(set, make_settings(name, {}), {"", nullptr, &owner});
+        const auto t_of = [&](float t, const Ray &ray) {
+            owner.t = t;
+            return tree->closest(ray).t;
+        };
+        EXPECT_EQ(t_of(2.5f, {{-3, 0, 0}, {1, 0, 0}}), 2.5f);
+        EXPECT_NEAR(t_of(0.5f, {{-3, 0, 0}, {1, 0, 0}}), 2, 1e-5);
+        EXPECT_NEAR(t_of(50, {{-3, 0, 0}, {1, 0, 0}}), 4, 1e-5);
+        EXPECT_EQ(t_of(0.5f, {{-3, 2, 0}, {1, 0, 0}}), HUGE_VALF) << "beside it";
+        EXPECT_EQ(t_of(0.5f, {{-3, 0, 0}, {1, 0, 0}, 1}), HUGE_VALF) << "the box is beyond the end of the ray";
     }
 }
 
