@@ -156,7 +156,7 @@ class TestMemory:
         assert len(curves) == 3
         for curve in curves:
             assert [row[0] for row in curve.rows] == [f"{n} triangles" for n in (128, 192, 288, 300)]
-            assert all(float(cell) > 0 for row in curve.rows for cell in row[1:])
+            assert all(float(cell.replace(",", "")) > 0 for row in curve.rows for cell in row[1:])
 
     def test_the_peak_is_that_of_the_tree_at_least_every_time(self) -> None:
         found = [figures(result_of("N09", 0.0003), checks_memory.PEAK) for _ in range(2)]
