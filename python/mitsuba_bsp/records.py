@@ -153,11 +153,21 @@ def check_context(rows: Sequence[Record], scene: str, spec_full: Mapping[str, st
 
 
 def read_lines(file: Path) -> list[Record]:
-    """The records in a file; none if there is no file."""
+    """The records in a file; none if there is no file. ValueError, with the line, for what is no record."""
     if not file.exists():
         return []
     lines = file.read_text(encoding="utf-8").split("\n")
-    return [json.loads(line) for line in lines[:-1]]  # what follows the last newline is an unfinished record
+    return [_read(line, number, file) for number, line in enumerate(lines[:-1], 1)]  # the rest is an unfinished record
+
+
+def _read(line: str, number: int, file: Path) -> Record:
+    try:
+        found = json.loads(line)
+    except json.JSONDecodeError:
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError(f"line {number} of {file} is damaged: it is not a JSON object")
+    return found
 
 
 def _drop_unfinished_line(file: Path) -> None:

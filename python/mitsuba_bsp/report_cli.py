@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from .records import ResultsFolder
 from .report.page import make_page
 from .tables_cli import results_folders
-from .terminal import OK, out
+from .terminal import OK, err, out
 
 NAME = "report.html"
 
@@ -23,7 +24,9 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def _report(args: argparse.Namespace) -> int:
     """`mitsuba-bsp report`."""
     folders = results_folders(args.folder)
-    page = make_page(folders, args.title or "Ray tracing accelerators compared")
+    ResultsFolder(args.folder).check_writable()
+    with err.status(f"reading {len(folders)} results folders"):
+        page = make_page(folders, args.title or "Ray tracing accelerators compared")
     file = args.folder / NAME
     file.write_text(page, encoding="utf-8")
     text = f"{file}: {len(folders)} results folders, {len(page.encode()) / 1e6:.1f} MB"

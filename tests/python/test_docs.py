@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,6 +23,35 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
     shown = [str(output) for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("of the area lies along the axes" in text for text in shown)
     assert any("image/png" in text for text in shown)
+
+
+#: Takes long to build.
+SLOW = 'mitsuba_bsp.load_file(mitsuba_bsp.scenes_dir() / "foliage.xml", "random:k=32,axes=none,exact_below=1000000")'
+
+
+def test_in_a_notebook_builds_show_their_progress_and_can_be_stopped() -> None:
+    manager = pytest.importorskip("jupyter_client.manager")
+    env = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}  # it shows less to that
+    kernel, client = manager.start_new_kernel(startup_timeout=120, env=env)
+    shown: list[str] = []
+
+    def run(code: str) -> dict[str, Any]:
+        def hook(message: dict[str, Any]) -> None:
+            shown.append(message["content"].get("text", ""))
+            if "Building the tree" in shown[-1]:
+                kernel.interrupt_kernel()
+
+        return client.execute_interactive(code, timeout=120, output_hook=hook)["content"]
+
+    try:
+        assert run('import mitsuba as mi, mitsuba_bsp; mi.set_variant("scalar_rgb")')["status"] == "ok"
+        stopped = run(SLOW)
+        assert any("Building the tree" in text for text in shown)
+        assert (stopped["status"], stopped["ename"]) == ("error", "KeyboardInterrupt")
+        assert run(SLOW.partition(', "random')[0] + ', "kd")')["status"] == "ok"
+    finally:
+        client.stop_channels()
+        kernel.shutdown_kernel(now=True)
 
 
 def test_the_api_is_documented(tmp_path: Path) -> None:

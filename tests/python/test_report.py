@@ -8,6 +8,8 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +19,11 @@ from conftest import ROOM, error_line
 
 from mitsuba_bsp.exr import read_exr, write_exr
 from mitsuba_bsp.intervals import Interval
-from mitsuba_bsp.report.measures import Measure
+from mitsuba_bsp.outcomes import Outcome, outcomes
+from mitsuba_bsp.records import ResultsFolder
+from mitsuba_bsp.report.measures import Measure, measures
 from mitsuba_bsp.report.page import make_page
+from mitsuba_bsp.report.pictures import renderings
 from mitsuba_bsp.report.summary import sentences, wins
 from mitsuba_bsp.tables_cli import results_folders
 
@@ -44,14 +49,21 @@ class TestSummary:
         assert win.lead == Interval(1.5, 1.5, 1.5) and win.is_clear
         assert win.build_s == pytest.approx(2, rel=0.01) and win.builds == pytest.approx(0.5)
         assert sentences([win]) == [
-            "Whole frames. The best of our trees is 3.00 times as fast as native and 0.50 times as fast as embree "
-            "(geometric mean): normals in room."
+            "Whole frames (run). The best of our trees is 3.00 times as fast as native and 0.50 times as fast as "
+            "embree (geometric mean): normals in room."
+        ]
+
+    def test_runs_are_not_mixed(self) -> None:
+        fast, slow = measure("frame", native=6, kd=1), replace(measure("frame", native=2, kd=1), run="other")
+        assert sentences(list(wins([fast, slow]))) == [
+            "Whole frames (run). The best of our trees is 6.00 times as fast as native (geometric mean): kd in room.",
+            "Whole frames (other). The best of our trees is 2.00 times as fast as native (geometric mean): kd in room.",
         ]
 
     def test_what_nobody_else_was_measured_with(self) -> None:
         (win,) = wins([measure("frame", kd=3)])
         assert win.second == "" and win.lead is win.build_s is win.builds is None and not win.is_clear
-        assert sentences([win]) == ["Whole frames. The best trees are kd in room."]
+        assert sentences([win]) == ["Whole frames (run). The best trees are kd in room."]
         assert not list(wins([measure("frame", native=1, embree=1)]))
 
     def test_a_lead_within_the_noise_is_not_clear(self) -> None:
@@ -121,10 +133,32 @@ class TestPage:
         lines = (tmp_path / "two" / "records.jsonl").read_text().splitlines()
         rows = [{**json.loads(line), "cpu": "another processor"} for line in lines]
         (tmp_path / "two" / "records.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+        first, second = make_page(results_folders(tmp_path), "Two").split('<section id="summary-2">')
+        first, second = text_of(first.partition("<main>")[2]), text_of(second)
+        assert "machine 1 of 2" in first and "room, machine 1" in first and "machine 2" not in first
+        assert "machine 2 of 2" in second and "room, machine 2" in second and "machine 1" not in second
+        assert "another processor" not in first and second.count("cpu another processor") > 1
+        assert all(part.count(". The best of our trees") == 1 for part in (first, second))
+
+    def test_scenes_of_one_name_are_told_apart(self, results: Path, tmp_path: Path) -> None:
+        for name, digest in (("one", "1" * 64), ("two", "2" * 64)):
+            shutil.copytree(results / "compare", tmp_path / name, ignore=shutil.ignore_patterns("images"))
+            for file in (tmp_path / name).glob("*.jsonl"):
+                file.write_text(re.sub('"scene_hash": "[0-9a-f]+"', f'"scene_hash": "{digest}"', file.read_text()))
         shown = text_of(make_page(results_folders(tmp_path), "Two"))
-        assert "machine 1 of 2" in shown and "machine 2 of 2" in shown
-        assert shown.count("cpu another processor") == 1
-        assert shown.count("Rays alone. The best of our trees") == 2
+        assert "scene hash 111111111111" in shown and "scene hash 222222222222" in shown
+        assert "room 111111" in shown and "room 222222" in shown
+
+    def test_folders_of_one_name_are_told_apart(self, results: Path, tmp_path: Path) -> None:
+        for name in ("one/rays", "two/rays"):
+            shutil.copytree(results / "rays", tmp_path / name)
+        shown = text_of(make_page(results_folders(tmp_path), "Two"))
+        assert "Replayed rays (one/rays)" in shown and "Replayed rays (two/rays)" in shown
+
+    def test_every_part_says_how_it_was_measured(self, results: Path) -> None:
+        shown = " ".join(text_of((results / "report.html").read_text()).split())
+        assert re.search(r"mitsuba-bsp compare: scalar_rgb, \d+x\d+, \d+ spp, \d+ threads?\. mitsuba 3\.9\.1, ", shown)
+        assert re.search(r"mitsuba-bsp bench rays: scalar_rgb, 16x16, \d+ spp, 1 thread\. mitsuba 3\.9\.1, ", shown)
 
     def test_images_that_are_gone_are_left_out(self, results: Path, tmp_path: Path) -> None:
         shutil.copytree(results / "compare", tmp_path / "compare", ignore=shutil.ignore_patterns("images"))
@@ -139,7 +173,71 @@ class TestPage:
         (tmp_path / "rays" / "records.jsonl").write_text('{"scene": "room"}\n')
         result = command("report", "rays")
         assert result.returncode == 2
-        assert "the records in rays are damaged or of another version" in error_line(result)
+        assert "the records in rays are damaged or of another version: a record has no 'mitsuba'" in error_line(result)
+
+    @pytest.mark.parametrize(
+        ("change", "sentence"),
+        [
+            (lambda row: "{", "line 2 of rays/records.jsonl is damaged: it is not a JSON object"),
+            (lambda row: "[]", "line 2 of rays/records.jsonl is damaged: it is not a JSON object"),
+            (lambda row: json.dumps({k: row[k] for k in row if k != "ns_per_ray"}), "a record has no 'ns_per_ray'"),
+            (lambda row: json.dumps(row | {"ns_per_ray": "1"}), "records in rays are damaged or of another version"),
+        ],
+    )
+    def test_a_damaged_record(
+        self, results: Path, command: Command, tmp_path: Path, change: Callable[[dict], str], sentence: str
+    ) -> None:
+        shutil.copytree(results / "rays", tmp_path / "rays")
+        lines = (tmp_path / "rays" / "records.jsonl").read_text().splitlines()
+        lines[1] = change(json.loads(lines[1]))
+        (tmp_path / "rays" / "records.jsonl").write_text("".join(f"{line}\n" for line in lines))
+        result = command("report", "rays")
+        assert result.returncode == 2
+        assert sentence in error_line(result)
+        assert not (tmp_path / "rays" / "report.html").exists()
+
+
+class TestMeasures:
+    def outcome(self, folder: Path, **fields: object) -> Outcome:
+        """The comparison, with records changed."""
+        file = folder / "records.jsonl"
+        rows = [json.loads(line) for line in file.read_text().splitlines()]
+        file.write_text("".join(json.dumps(row | fields) + "\n" for row in rows))
+        (found,) = outcomes(ResultsFolder(folder))
+        return found
+
+    def test_times_of_trees_that_were_loaded_are_not_times_of_building(self, results: Path, tmp_path: Path) -> None:
+        folder = Path(shutil.copytree(results / "compare", tmp_path / "compare"))
+        assert [measure.what for measure in measures(self.outcome(folder))] == ["rendering", "building"]
+        loaded = self.outcome(folder, statistics={"loaded": True})
+        assert [measure.what for measure in measures(loaded)] == ["rendering"]
+
+    def test_images_of_another_machine_are_not_shown(self, results: Path, tmp_path: Path) -> None:
+        folder = Path(shutil.copytree(results / "compare", tmp_path / "compare"))
+        assert renderings(self.outcome(folder))
+        assert not renderings(self.outcome(folder, cpu="another processor"))
+
+    @pytest.mark.parametrize(("seconds", "text"), [(0.01234, "0.0123 s"), (99.4, "99.4 s"), (1234.5, "1,234 s")])
+    def test_a_time_in_words(self, seconds: float, text: str) -> None:
+        assert Measure("room", "frame", "run", "s", {"kd": {0: seconds}}).time("kd") == text
+
+
+def luminance(colour: str) -> float:
+    """WCAG 2.2: of #rrggbb, from 0 to 1."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
+
+
+@pytest.mark.parametrize("face", [1, 2], ids=["light", "dark"])
+@pytest.mark.parametrize("ground", ["paper", "band"])
+@pytest.mark.parametrize("ink", ["ink", "soft", "link"])
+def test_text_stands_out(ink: str, ground: str, face: int) -> None:
+    """WCAG 2.2 AA: 4.5 to 1."""
+    style = (files("mitsuba_bsp.report") / "templates" / "style.css").read_text()
+    colours = {m[0]: luminance(m[face]) for m in re.findall(r"--(\w+): light-dark\((#\w{6}), (#\w{6})\)", style)}
+    low, high = sorted((colours[ink], colours[ground]))
+    assert (high + 0.05) / (low + 0.05) >= 4.5
 
 
 @pytest.fixture(scope="module")
@@ -254,6 +352,45 @@ class TestInTheBrowser:
             faces.add(browser.execute_script(paper))
             press(browser, "document.getElementById('theme')")
         assert len(faces) == 2
+
+    def test_keys_do_what_the_pointer_does(self, browser: Chrome) -> None:
+        from selenium.webdriver.common.keys import Keys
+
+        head = browser.find_element("css selector", "table.sortable thead button")
+        head.send_keys(Keys.ENTER)
+        sorted_by = "return document.querySelector('table.sortable thead th').getAttribute('aria-sort')"
+        assert browser.execute_script(sorted_by) == "ascending"
+        pressed = "return document.getElementById('theme').getAttribute('aria-pressed')"
+        before = browser.execute_script(pressed)
+        browser.find_element("id", "theme").send_keys(Keys.SPACE)
+        assert browser.execute_script(pressed) != before
+        chosen = "return document.querySelector('.comparer input[type=radio]:checked').value"
+        press(browser, "document.querySelector('.comparer input[value=slider]')")
+        browser.find_element("css selector", ".comparer input[value=slider]").send_keys(Keys.ARROW_RIGHT)
+        assert browser.execute_script(chosen) == "flicker"
+        press(browser, "document.querySelector('.comparer input[value=slider]')")
+
+    def test_everything_that_takes_the_focus_has_a_name(self, browser: Chrome) -> None:
+        nameless = browser.execute_script(
+            "return [...document.querySelectorAll('a, button, select, input, summary, [tabindex]')].filter(e => "
+            "!(e.textContent.trim() || e.getAttribute('aria-label') || (e.labels && e.labels.length)))"
+            ".map(e => e.outerHTML)"
+        )
+        assert nameless == []
+
+    def test_paper_is_white_and_has_all_there_is(self, browser: Chrome) -> None:
+        dark = {"media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
+        try:
+            ink = "return getComputedStyle(document.body).color"
+            assert browser.execute_script(ink) == "rgb(29, 33, 38)"
+        finally:
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+        browser.execute_script("dispatchEvent(new Event('beforeprint'))")
+        left = "return document.querySelectorAll('.chart:not(.drawn), details:not([open])').length"
+        assert browser.execute_script(left) == 0
+        browser.execute_script("dispatchEvent(new Event('afterprint'))")
+        assert browser.get_log("browser") == []
 
     def test_a_phone_need_not_scroll_sideways(self, browser: Chrome) -> None:
         size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}

@@ -17,12 +17,12 @@ _HEAD = (
 
 
 def trees_of(outcome: Outcome, scene: str) -> dict[str, Mapping[str, Any]]:
-    """The statistics of every tree that tells of itself, by spec; of repetitions the first."""
+    """The statistics of every tree that tells of itself, by spec; of repetitions and seeds the first."""
     rows: Sequence[Record] = [row for row in outcome.folder.records() if "statistics" in row and not row.get("size")]
     found: dict[str, Mapping[str, Any]] = {}
     for row in of(rows, scene=scene):
         if row["statistics"].get("leaves"):
-            found.setdefault(str(row["spec"]), row["statistics"])
+            found.setdefault(str(row.get("tree", row["spec"])), row["statistics"])
     return found
 
 

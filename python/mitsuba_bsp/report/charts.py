@@ -13,6 +13,9 @@ Chart = dict[str, Any]
 
 _HEIGHT, _BAR = 130, 26
 
+#: Of more accelerators than that the quickest are drawn; the others are in the tables.
+_MOST = 20
+
 
 def colour_of(spec: str) -> str:
     """Of the kind of accelerator."""
@@ -21,7 +24,7 @@ def colour_of(spec: str) -> str:
 
 def times_chart(measure: Measure) -> Chart:
     """Bars of medians, the quickest on top, with the range of the repetitions."""
-    specs = sorted(measure.times, key=measure.median, reverse=True)
+    specs = sorted(measure.times, key=measure.median)[:_MOST][::-1]
     middle = [measure.median(spec) for spec in specs]
     ranges = [measure.spread(spec) for spec in specs]
     hints = [_speeds(measure, spec) for spec in specs]
@@ -30,7 +33,7 @@ def times_chart(measure: Measure) -> Chart:
         "orientation": "h",
         "y": specs,
         "x": middle,
-        "marker": {"color": [colour_of(spec) for spec in specs], "line": {"color": "#888", "width": 0.5}},
+        "marker": {"color": [colour_of(spec) for spec in specs], "line": {"color": "#888", "width": 1.5}},
         "error_x": {
             "type": "data",
             "symmetric": False,
@@ -41,9 +44,9 @@ def times_chart(measure: Measure) -> Chart:
         "customdata": hints,
         "hovertemplate": f"<b>%{{y}}</b><br>%{{x:.4g}} {measure.unit}<br>%{{customdata}}<extra></extra>",
     }
-    return _chart(
-        [trace], f"{measure.what}, {measure.unit} ({measure.run}); less is better", height=_HEIGHT + _BAR * len(specs)
-    )
+    fewer = f"; the {_MOST} quickest of {len(measure.times)}" if len(measure.times) > _MOST else ""
+    title = f"{measure.what}, {measure.unit} ({measure.run}); less is better{fewer}"
+    return _chart([trace], title, height=_HEIGHT + _BAR * len(specs))
 
 
 def trade_chart(trace_time: Measure, build_time: Measure) -> Chart | None:
@@ -58,7 +61,7 @@ def trade_chart(trace_time: Measure, build_time: Measure) -> Chart | None:
             "x": [build_time.median(spec)],
             "y": [trace_time.median(spec)],
             "name": spec,
-            "marker": {"size": 12, "color": colour_of(spec), "line": {"color": "#888", "width": 0.5}},
+            "marker": {"size": 12, "color": colour_of(spec), "line": {"color": "#888", "width": 1.5}},
             "hovertemplate": f"<b>{spec}</b><br>build %{{x:.3g}} s<br>{trace_time.what} %{{y:.4g}} {trace_time.unit}"
             "<extra></extra>",
         }

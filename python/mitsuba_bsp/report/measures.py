@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from statistics import median
 
 from ..intervals import Interval, median_interval
 from ..outcomes import Outcome
 from ..records import Record, of
 from ..spec import names, parse_spec
+from ..studies.runs import BUILD, RENDER, Quantity
+
+_Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
 
 #: Accelerators that are not ours.
 FOREIGN = ("native", "embree")
@@ -32,6 +36,11 @@ class Measure:
     def median(self, spec: str) -> float:
         """Of all repetitions."""
         return median(self.times[spec].values())
+
+    def time(self, spec: str) -> str:
+        """Its median in three digits, with the unit."""
+        found = self.median(spec)
+        return f"{found:,.0f} {self.unit}" if found >= 100 else f"{found:.3g} {self.unit}"
 
     def spread(self, spec: str) -> tuple[float, float]:
         """The least and the most of all repetitions."""
@@ -59,21 +68,32 @@ def measures(outcome: Outcome) -> Iterator[Measure]:
                 yield Measure(scene.name, what, outcome.folder.path.name, unit, times)
 
 
-def _field(name: str) -> Callable[[Sequence[Record]], dict[str, dict[int, float]]]:
+def _times(read: Callable[[Record], float | None]) -> _Select:
+    """What `read` finds in the records, by accelerator and repetition; in studies a tree of any seed is one."""
+
     def select(rows: Sequence[Record]) -> dict[str, dict[int, float]]:
         times: dict[str, dict[int, float]] = {}
         for row in rows:  # of repetitions that were made again the last counts
-            if _is_accelerator(str(row["spec"])) and not row.get("size"):
-                times.setdefault(str(row["spec"]), {})[row["repeat"]] = row[name]
+            spec, found = str(row.get("tree", row["spec"])), read(row)
+            if found is not None and _is_accelerator(spec) and not row.get("size"):
+                times.setdefault(spec, {})[row["repeat"]] = found
         return times
 
     return select
 
 
+def _of_study(quantity: Quantity) -> _Select:
+    return lambda rows: _times(quantity.read)(of(rows, measure=quantity.measure))
+
+
+def _build_s(row: Record) -> float | None:
+    return None if row["statistics"].get("loaded") else row["build_s"]
+
+
 def _rays(rows: Sequence[Record]) -> dict[str, dict[int, float]]:
     """The mean over all rays of a frame, each kind by its share in it."""
     rays: dict[str, int] = {str(row["stream"]): row["recorded_rays"] or row["rays"] for row in rows}
-    by_stream = {stream: _field("ns_per_ray")(of(rows, stream=stream)) for stream in rays}
+    by_stream = {stream: _times(itemgetter("ns_per_ray"))(of(rows, stream=stream)) for stream in rays}
     return {
         spec: {
             repeat: sum(rays[s] * by_stream[s][spec][repeat] for s in rays) / sum(rays.values())
@@ -89,10 +109,11 @@ def _is_accelerator(spec: str) -> bool:
     return spec.partition(":")[0] in names()
 
 
-_BUILDING = ("building", "s", _field("build_s"))
-_TIMES = {
-    "compare": (("rendering", "s", _field("render_s")), _BUILDING),
-    "bench render": (("frame", "s", _field("frame_s")),),
+_BUILDING = ("building", "s", _times(_build_s))
+_TIMES: Mapping[str, Sequence[tuple[str, str, _Select]]] = {
+    "compare": (("rendering", "s", _times(itemgetter("render_s"))), _BUILDING),
+    "bench render": (("frame", "s", _times(itemgetter("frame_s"))),),
     "bench rays": (("a ray", "ns", _rays),),
     "bench build": (_BUILDING,),
+    "study comparison": (("rendering", "s", _of_study(RENDER)), ("building", "s", _of_study(BUILD))),
 }

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
+from ..comparison import SceneInfo
 from ..outcomes import Outcome, outcomes
 from ..records import ResultsFolder
 from ..text_table import TextTable
@@ -30,10 +35,11 @@ class Figure:
 
 @dataclass
 class Part:
-    """Tables, charts and figures of one command, in one scene or of all scenes together."""
+    """Tables and figures of one command, in one scene or of all scenes together; `made` says how they were measured."""
 
     title: str
     legend: str
+    made: str
     tables: list[TextTable] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
 
@@ -49,20 +55,41 @@ class Scene:
     name: str
     about: str
     renderings: list[Renderings] = field(default_factory=list)
-    charts: list[Chart] = field(default_factory=list)
-    trees: list[TextTable] = field(default_factory=list)
+    measures: list[Measure] = field(default_factory=list)
+    trees: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
 
+    @property
+    def charts(self) -> list[Chart]:
+        """Times, what building buys, and the depths of some trees."""
+        charts = [times_chart(measure) for measure in self.measures]
+        building = next((measure for measure in self.measures if measure.is_build), None)
+        traced = next((measure for measure in self.measures if not measure.is_build), None)
+        if building and traced and (chart := trade_chart(traced, building)):
+            charts.append(chart)
+        telling = [spec for spec, tree in self.trees.items() if tree.get("levels")]
+        drawn = sorted(telling, key=lambda spec: spec.partition(":")[0] not in ("kd", "normals", "auto"))[:_DRAWN]
+        return charts + [levels_chart(spec, self.trees[spec]["levels"]) for spec in drawn]
 
-@dataclass
+    @property
+    def anatomy(self) -> list[TextTable]:
+        return [anatomy_table(self.trees)] if self.trees else []
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was measured in it on this machine."""
+        return not (self.renderings or self.measures or self.trees or self.parts)
+
+
+@dataclass(frozen=True)
 class Machine:
     """All that was measured on one machine with one version of the software."""
 
     about: Mapping[str, str]
-    sentences: list[str]
-    wins: list[Win]
-    scenes: list[Scene]
-    parts: list[Part]
+    sentences: Sequence[str]
+    wins: Sequence[Win]
+    scenes: Sequence[Scene]
+    parts: Sequence[Part]
 
 
 def make_page(folders: Sequence[ResultsFolder], title: str) -> str:
@@ -70,24 +97,26 @@ def make_page(folders: Sequence[ResultsFolder], title: str) -> str:
     from jinja2 import Environment, PackageLoader
     from plotly.offline import get_plotlyjs
 
-    found = [outcome for folder in folders for outcome in _outcomes(folder)]
     by_machine: dict[str, list[Outcome]] = {}
-    for outcome in found:
-        by_machine.setdefault(json.dumps(outcome.machine), []).append(outcome)
-    parts = [_machine(own) for own in by_machine.values()]
-    environment = Environment(
-        loader=PackageLoader("mitsuba_bsp.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
+    for folder in folders:
+        with _reading(folder):
+            for outcome in outcomes(folder):
+                by_machine.setdefault(json.dumps(outcome.machine), []).append(outcome)
+    runs = _run_names(folders)
+    machines = [_machine(found, runs) for found in by_machine.values()]
     images = {
         name: data
-        for machine in parts
+        for machine in machines
         for scene in machine.scenes
         for shown in scene.renderings
         for name, data in shown.files.items()
     }
+    environment = Environment(
+        loader=PackageLoader("mitsuba_bsp.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
     return environment.get_template("report.html").render(
         title=title,
-        machines=parts,
+        machines=machines,
         images=images,
         foreign=FOREIGN,
         style=_text("style.css"),
@@ -100,67 +129,100 @@ def make_page(folders: Sequence[ResultsFolder], title: str) -> str:
 
 def kind_of(cell: str) -> str:
     """The class of a table's cell: numbers are aligned to the right."""
-    return "number" if cell[:1].isdigit() or cell[:1] in "-+." else "word"
+    return "number" if cell[:1].isdigit() or cell[:1] in ("-", "+", ".") else "word"
 
 
 def _text(name: str) -> str:
     return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
-def _outcomes(folder: ResultsFolder) -> list[Outcome]:
+@contextmanager
+def _reading(folder: ResultsFolder) -> Iterator[None]:
+    """Whatever is wrong with its files becomes a ValueError that names the folder."""
     try:
-        return outcomes(folder)
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
-        raise ValueError(f"the records in {folder.path} are damaged or of another version: {error!r}") from None
+        yield
+    except KeyError as error:
+        reason = f"a record has no {error}"
+    except (TypeError, AttributeError, IndexError, ArithmeticError) as error:
+        reason = str(error)
+    except ValueError as error:
+        if str(folder.path) in str(error):
+            raise
+        reason = str(error)
+    else:
+        return
+    raise ValueError(f"the records in {folder.path} are damaged or of another version: {reason}")
 
 
-def _machine(found: Sequence[Outcome]) -> Machine:
-    timed = [measure for outcome in found for measure in measures(outcome)]
+def _run_names(folders: Sequence[ResultsFolder]) -> dict[Path, str]:
+    """What folders are called: where they are in the folder that has them all."""
+    root = os.path.commonpath([folder.path.absolute().parent for folder in folders])
+    return {folder.path: str(folder.path.absolute().relative_to(root)) for folder in folders}
+
+
+def _machine(found: Sequence[Outcome], runs: Mapping[Path, str]) -> Machine:
+    called = _names(found)
+    scenes: dict[str, Scene] = {}
+    timed: list[Measure] = []
+    together: list[Part] = []
+    for outcome in sorted(found, key=lambda one: one.command.startswith("study")):  # they have more trees than others
+        with _reading(outcome.folder):
+            run = runs[outcome.folder.path]
+            parts, timings, pictures = _parts(outcome, run), list(measures(outcome)), renderings(outcome)
+            for info in outcome.scenes:
+                name = called[info.name, info.scene_hash]
+                scene = scenes.setdefault(name, Scene(name, _about(info)))
+                own = [replace(timing, scene=name, run=run) for timing in timings if timing.scene == info.name]
+                scene.measures += own
+                timed += own
+                scene.renderings += [shown for shown in pictures if shown.scene == info.name]
+                scene.trees = scene.trees or trees_of(outcome, info.name)
+                scene.parts += parts.get(info.name, [])
+            together += parts.get("", [])
     winners = list(wins(timed))
-    names = list(dict.fromkeys(scene.name for outcome in found for scene in outcome.scenes))
-    scenes = {name: _scene(name, found, timed) for name in sorted(names)}
-    together = []
-    for outcome in found:
-        for name, part in _parts(outcome):
-            (scenes[name].parts if name else together).append(part)
-    return Machine(found[0].machine, sentences(winners), winners, list(scenes.values()), together)
+    shown = [scenes[name] for name in sorted(scenes) if not scenes[name].is_empty]
+    return Machine(found[0].machine, sentences(winners), winners, shown, together)
 
 
-def _scene(name: str, found: Sequence[Outcome], timed: Sequence[Measure]) -> Scene:
-    info = next(scene for outcome in found for scene in outcome.scenes if scene.name == name)
-    own = [measure for measure in timed if measure.scene == name]
-    charts = [times_chart(measure) for measure in own]
-    building = next((measure for measure in own if measure.is_build), None)
-    traced = next((measure for measure in own if not measure.is_build), None)
-    if building and traced and (chart := trade_chart(traced, building)):
-        charts.append(chart)
-    trees = next((trees for outcome in found if (trees := trees_of(outcome, name))), {})
-    oblique_first = sorted(trees, key=lambda spec: spec.partition(":")[0] not in ("kd", "normals", "auto"))
-    charts += [
-        levels_chart(spec, trees[spec]["levels"]) for spec in oblique_first[:_DRAWN] if trees[spec].get("levels")
-    ]
-    return Scene(
-        name,
-        f"{info.triangles:,} triangles, scene hash {info.scene_hash[:12]}",
-        [shown for outcome in found for shown in renderings(outcome) if shown.scene == name],
-        charts,
-        [anatomy_table(trees)] if trees else [],
-    )
+def _names(found: Sequence[Outcome]) -> dict[tuple[str, str], str]:
+    """What scenes are called, by name and hash: different scenes of one name are told apart."""
+    scenes = {(info.name, info.scene_hash) for outcome in found for info in outcome.scenes}
+    several = Counter(name for name, _ in scenes)
+    return {(name, digest): name if several[name] == 1 else f"{name} {digest[:6]}" for name, digest in scenes}
 
 
-def _parts(outcome: Outcome) -> Iterator[tuple[str, Part]]:
-    """What an outcome shows, each with the scene that it is about; an empty name for all together."""
+def _about(info: SceneInfo) -> str:
+    return f"{info.triangles:,} triangles, scene hash {info.scene_hash[:12]}"
+
+
+def _parts(outcome: Outcome, run: str) -> dict[str, list[Part]]:
+    """What an outcome shows, by the scene that it is about; an empty name for all together."""
     names = sorted((scene.name for scene in outcome.scenes), key=len, reverse=True)
-    parts = {name: Part(f"{outcome.title} ({outcome.folder.path.name})", outcome.legend) for name in ("", *names)}
+    title = f"{outcome.title} ({run})"
+    parts = {name: Part(title, outcome.legend, _made(outcome, name)) for name in ("", *names)}
     for table in outcome.tables():
-        parts[_about(table.title, names)].tables.append(table)
+        parts[_subject(table.title, names)].tables.append(table)
     for name, figure in outcome.figures():
         alt = f"Figure “{name}” of {outcome.title}; its numbers are in the tables beside it."
-        parts[_about(name, names)].figures.append(Figure(figure_picture(figure), alt))
-    yield from ((name, part) for name, part in parts.items() if not part.is_empty)
+        parts[_subject(name, names)].figures.append(Figure(figure_picture(figure), alt))
+    return {name: [part] for name, part in parts.items() if not part.is_empty}
 
 
-def _about(text: str, names: Sequence[str]) -> str:
+def _made(outcome: Outcome, name: str) -> str:
+    """How it was measured: the command and what it was given, the machine and the versions on it."""
+    options = outcome.options
+    sizes = [f"{'x'.join(map(str, s.resolution))}, {s.spp} spp" for s in outcome.scenes if s.name == name]
+    given = [
+        options.variant,
+        *sizes,
+        f"{options.threads} {'threads' if options.threads > 1 else 'thread'}" if options.threads else "",
+        *(f"{key}={value}" for key, value in options.params.items()),
+    ]
+    about = ", ".join(f"{key} {value}" for key, value in outcome.machine.items())
+    return f"mitsuba-bsp {outcome.command}: {', '.join(filter(None, given))}. {about}."
+
+
+def _subject(text: str, names: Sequence[str]) -> str:
     """The scene that a title or a file's name begins or ends with; empty if none."""
     return next(
         (

@@ -14,6 +14,7 @@ import numpy as np
 from ..exr import read_exr
 from ..flip import rgb
 from ..outcomes import Outcome
+from ..records import machine_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +33,7 @@ class Renderings:
 
 
 def renderings(outcome: Outcome) -> list[Renderings]:
-    """Those of a comparison whose image files are still there."""
+    """Those of a comparison, made on its machine, whose image files are still there."""
     if outcome.command != "compare":
         return []
     found = []
@@ -42,7 +43,7 @@ def renderings(outcome: Outcome) -> list[Renderings]:
         specs: dict[str, str] = {}
         for spec in outcome.options.specs:
             row = counted.get((scene.name, spec.text))
-            if row is None:
+            if row is None or machine_of(row) != outcome.machine:
                 continue
             data = picture(outcome.folder.path / str(row["image"]))
             name = next((known for known, other in files.items() if other == data), f"{scene.name}-{len(files)}")

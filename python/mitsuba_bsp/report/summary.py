@@ -49,7 +49,7 @@ def wins(measures: Sequence[Measure]) -> Iterator[Win]:
             what=measure.what,
             run=measure.run,
             spec=best,
-            time=f"{measure.median(best):.3g} {measure.unit}",
+            time=measure.time(best),
             others={name: measure.speedup(best, name) for name in FOREIGN},
             second=second,
             lead=measure.speedup(best, second) if second else None,
@@ -61,10 +61,10 @@ def wins(measures: Sequence[Measure]) -> Iterator[Win]:
 
 
 def sentences(found: Sequence[Win]) -> list[str]:
-    """What the wins say together, by measure."""
+    """What the wins of each run say together."""
     texts = []
-    for what in dict.fromkeys(win.what for win in found):
-        own = [win for win in found if win.what == what]
+    for what, run in dict.fromkeys((win.what, win.run) for win in found):
+        own = [win for win in found if (win.what, win.run) == (what, run)]
         parts = []
         for name in FOREIGN:
             speeds = [speed.value for win in own if (speed := win.others[name])]
@@ -75,7 +75,7 @@ def sentences(found: Sequence[Win]) -> list[str]:
             by_tree.setdefault(win.spec, []).append(win.scene)
         places = "; ".join(f"{tree} in {', '.join(scenes)}" for tree, scenes in by_tree.items())
         speed = f"The best of our trees is {' and '.join(parts)} (geometric mean): " if parts else "The best trees are "
-        texts.append(f"{_NAMES.get(what, what)}. {speed}{places}.")
+        texts.append(f"{_NAMES.get(what, what)} ({run}). {speed}{places}.")
     return texts
 
 

@@ -2,29 +2,30 @@
 const root = document.documentElement, all = (selector, from = document) => [...from.querySelectorAll(selector)];
 
 // Light and dark: the system's choice, until the button is pressed.
-const theme = document.getElementById("theme");
-function setTheme(dark) {
-  root.dataset.theme = dark ? "dark" : "light";
-  theme.setAttribute("aria-pressed", dark);
-  theme.textContent = dark ? "Light" : "Dark";
-  all(".chart.drawn").forEach(chart => Plotly.relayout(chart, colours()));
-}
-function colours() {
-  const style = getComputedStyle(root), ink = style.getPropertyValue("--ink"), line = style.getPropertyValue("--line");
-  return { "font.color": ink, "xaxis.gridcolor": line, "yaxis.gridcolor": line, "xaxis.zerolinecolor": line, "yaxis.zerolinecolor": line };
-}
-theme.addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+const theme = document.getElementById("theme"), system = matchMedia("(prefers-color-scheme: dark)");
+const isDark = () => root.dataset.theme ? root.dataset.theme === "dark" : system.matches;
+const tellTheme = () => theme.setAttribute("aria-pressed", isDark());
+theme.addEventListener("click", () => { root.dataset.theme = isDark() ? "light" : "dark"; tellTheme(); });
+system.addEventListener("change", tellTheme);
+tellTheme();
 
 // Charts are drawn when they come into view, or are printed.
 function draw(chart) {
   if (chart.classList.contains("drawn")) return;
   chart.classList.add("drawn");
   const { data, layout } = JSON.parse(chart.dataset.chart);
-  Plotly.newPlot(chart, data, layout, { responsive: true, displayModeBar: false }).then(() => Plotly.relayout(chart, colours()));
+  Plotly.newPlot(chart, data, layout, { responsive: true, displayModeBar: false });
 }
 const seen = new IntersectionObserver(entries => entries.forEach(entry => entry.isIntersecting && draw(entry.target)), { rootMargin: "300px" });
 all(".chart").forEach(chart => seen.observe(chart));
-addEventListener("beforeprint", () => all(".chart").forEach(draw));
+
+// On paper everything is drawn, explained and as wide as the paper.
+const PAPER = 640;
+addEventListener("beforeprint", () => {
+  all("details").forEach(details => { details.open = true; });
+  all(".chart").forEach(chart => { draw(chart); Plotly.relayout(chart, { autosize: false, width: PAPER }); });
+});
+addEventListener("afterprint", () => all(".chart").forEach(chart => Plotly.relayout(chart, { autosize: true, width: null })));
 
 // Columns sort by their numbers, or else by their words; a second press turns the order around.
 all("table.sortable thead button").forEach(button => button.addEventListener("click", () => {
@@ -46,8 +47,8 @@ all("table.sortable thead button").forEach(button => button.addEventListener("cl
 all(".comparer").forEach(comparer => {
   const one = selector => comparer.querySelector(selector), specs = JSON.parse(comparer.dataset.specs);
   const stage = one(".stage"), over = one(".over"), under = one(".under"), canvas = one("canvas"), line = one(".line");
-  const divide = one(".divide"), amplify = one(".amplify");
-  let timer = 0;
+  const divide = one(".divide"), amplify = one(".amplify"), [leftName, rightName] = all(".name", stage);
+  let timer = 0, asked = 0;
   const mode = () => one("input[type=radio]:checked").value;
   function split() {
     over.style.clipPath = mode() === "slider" ? `inset(0 ${100 - divide.value}% 0 0)` : "none";
@@ -67,17 +68,24 @@ all(".comparer").forEach(comparer => {
   }
   async function update() {
     clearInterval(timer);
-    const [left, right] = [specs[one(".left").value], specs[one(".right").value]];
-    over.src = pictures[left]; under.src = pictures[right];
-    one(".same").textContent = left === right ? "In the 8 bits of these pictures the two are the same image." : "";
-    await Promise.all([over.decode(), under.decode()]);
+    const turn = ++asked, scene = comparer.dataset.scene, [left, right] = [one(".left").value, one(".right").value];
+    over.src = pictures[specs[left]]; under.src = pictures[specs[right]];
+    over.alt = `${scene}, rendered under ${left}`; under.alt = `${scene}, rendered under ${right}`;
+    leftName.textContent = left; rightName.textContent = right;
+    one(".same").textContent = specs[left] === specs[right] ? "In the 8 bits of these pictures the two are the same image." : "";
+    await Promise.allSettled([over.decode(), under.decode()]);
+    if (turn !== asked) return;  // something else was chosen meanwhile
     const now = mode();
     one(".position").hidden = line.hidden = now !== "slider";
     one(".gain").hidden = canvas.hidden = now !== "difference";
-    over.hidden = under.hidden = now === "difference";
+    over.hidden = under.hidden = leftName.hidden = rightName.hidden = now === "difference";
     split();
     if (now === "difference") subtract();
-    if (now === "flicker") timer = setInterval(() => { over.hidden = !over.hidden; }, 600);
+    if (now === "flicker") {
+      const swap = () => { rightName.hidden = over.hidden; over.hidden = leftName.hidden = !over.hidden; };
+      rightName.hidden = true;
+      timer = setInterval(swap, 600);
+    }
   }
   all("select, input[type=radio]", comparer).forEach(input => input.addEventListener("change", update));
   divide.addEventListener("input", split);
@@ -93,4 +101,3 @@ all(".comparer").forEach(comparer => {
   all("img", stage).forEach(image => { image.draggable = false; });
   update();
 });
-setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
