@@ -24,6 +24,7 @@ from .studies.study import Study, StudyOptions
 from .text_table import TextTable, text_markdown
 from .totals import TotalOptions
 from .trade.study import STUDY as TRADE
+from .verification import report as verification
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,6 +70,10 @@ class Outcome:
 
 def outcomes(folder: ResultsFolder) -> list[Outcome]:
     """One for each command and machine; ValueError if the folder does not say what was asked of it."""
+    rows = folder.records()
+    if verification.is_verification(rows):
+        options = verification.options(folder)
+        return [Outcome(options, (), replace(folder, machine=machine)) for machine in machines(rows)]
     lines = asked(folder)
     if not lines and folder.records_file.exists():
         raise ValueError(
@@ -80,7 +85,7 @@ def outcomes(folder: ResultsFolder) -> list[Outcome]:
     return [
         Outcome(options_of(line, _kind(str(line["command"])).options, folder), scenes_of(line), one)
         for line in lines
-        for one in (replace(folder, machine=machine) for machine in machines(folder.records()))
+        for one in (replace(folder, machine=machine) for machine in machines(rows))
     ]
 
 
@@ -178,6 +183,12 @@ _KINDS: Mapping[str, _Kind] = {
         legend=lambda found: build_table.GROWTH_LEGEND if found.options.sizes else build_table.LEGEND,
         tables=_build_tables,
         figures=_growth_figures,
+    ),
+    verification.COMMAND: _Kind(
+        Options,
+        title=lambda _: "Verification",
+        legend=lambda found: verification.legend(found.folder.records()),
+        tables=lambda found: verification.tables(found.folder.records()),
     ),
     "calibrate": _Kind(RayOptions, lambda _: "Prices", lambda _: calibration.LEGEND, _prices),
     "study": _Kind(

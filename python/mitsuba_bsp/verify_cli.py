@@ -9,20 +9,16 @@ from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from .machine import describe
 from .messages import choices, hint
+from .outcomes import write_outcomes
 from .records import ResultsFolder
 from .terminal import INTERRUPTED, JOB_FAILED, OK, err, out, positive, say
-from .text_table import TextTable, print_text_tables, text_markdown
+from .text_table import print_text_tables
 from .verification.check import Check, Plan, all_checks
 from .verification.replay import replay
+from .verification.report import cells, own_tables
 from .verification.runner import Listener, Result, run
 from .verification.subjects import chosen_subjects, default_subjects, incumbents
-
-LEGEND = (
-    "Rate: failures per try that are exceeded with a probability of 5 % only, given what was seen (3/n if nothing was "
-    "wrong). Fast modes and incumbents promise nothing about answers: what they get wrong is reported, not judged."
-)
 
 
 def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -67,7 +63,9 @@ def _verify(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             interrupted = True
     if bar.results:
-        _report(plan, bar.results)
+        print_text_tables(out, own_tables(bar.results), [])
+        write_outcomes(ResultsFolder(folder))
+        out.print(f"Results are in {folder}", soft_wrap=True, markup=False)
     if interrupted:
         say("interrupted", f"what was finished is kept in {folder}, --out {folder} goes on from there", "red")
         return INTERRUPTED
@@ -116,35 +114,9 @@ class _Bar(Listener):
             out.print(f"    {text}", style="red", soft_wrap=True, markup=False)
 
 
-HEAD = ("check", "title", "specs", "tried", "wrong", "worst", "rate", "s", "verdict")
-
-
-def _cells(result: Result) -> tuple[str, ...]:
-    """What a check is worth, as text."""
-    tried = ", ".join(f"{count:,} {what}" for what, count in result.tried.items())
-    worst = next((f"{family} {count:,}" for family, count in result.wrong.items()), "-")
-    verdict = ("passed" if result.passed else "FAILED") if result.judged else "reported"
-    wrong = f"{sum(result.wrong.values()):,}"
-    rate = f"< {result.bound:.1e}" if result.judged else "-"
-    specs = str(result.specs or "-")
-    return result.check.id, result.check.title, specs, tried, wrong, worst, rate, f"{result.seconds:.1f}", verdict
-
-
 def _line(result: Result) -> str:
-    identity, title, specs, tried, wrong, worst, rate, seconds, verdict = _cells(result)
+    identity, title, specs, tried, wrong, worst, rate, seconds, verdict = cells(result)
     return (
         f"{identity:5} {verdict:8} {title}: {tried}, {wrong} wrong (worst: {worst}; rate {rate}), "
         f"{specs} specs, {seconds} s"
     )
-
-
-def _report(plan: Plan, results: Sequence[Result]) -> None:
-    """Show the checks' own tables, and write everything down."""
-    own = [table for result in results if result.check.tables for table in result.check.tables(result.records)]
-    print_text_tables(out, own, [])
-    overview = TextTable("Checks", HEAD, tuple(_cells(result) for result in results))
-    legend = f"Seed {plan.seed}, all counts times {plan.scale:g}. {LEGEND}"
-    text = text_markdown("Verification", legend, [overview, *own], [], describe())
-    failures = [f"- {text}" for result in results for text in result.failures]
-    (plan.folder / "table.md").write_text("\n".join([text, *failures]), encoding="utf-8")
-    out.print(f"Results are in {plan.folder}", soft_wrap=True, markup=False)

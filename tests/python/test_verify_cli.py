@@ -15,6 +15,7 @@ import pytest
 
 from mitsuba_bsp import cli, verify_cli
 from mitsuba_bsp.spec import parse_spec
+from mitsuba_bsp.verification import report
 from mitsuba_bsp.verification.cases import FOLDER, Case, case_from, read_case
 from mitsuba_bsp.verification.check import Check, Failure, Outcome, Plan, Subject, Unit, rate_bound
 from mitsuba_bsp.verification.meshes import boxes
@@ -47,8 +48,27 @@ def test_a_run_and_the_same_again(command: Command, tmp_path: Path) -> None:
     again = command("verify", *QUICK, "--out", "out")
     assert again.returncode == 0 and "21,600 rays" in again.stdout
     assert rows(tmp_path / "out") == found
+    text = (tmp_path / "out" / "table.md").read_text()
+    assert text.startswith("# Verification\n\nSeed 7, all counts times 0.01. ")
+    (tmp_path / "out" / "table.md").unlink()
+    assert command("tables", "out").returncode == 0
+    assert (tmp_path / "out" / "table.md").read_text() == text
     other = command("verify", *QUICK[:-1], "8", "--out", "out")
     assert other.returncode == 0 and len(rows(tmp_path / "out")) == 2 * len(found)
+    assert "Seed 8, all counts" in (tmp_path / "out" / "table.md").read_text()
+
+
+def test_what_failed_is_in_the_tables(command: Command, tmp_path: Path) -> None:
+    assert command("verify", *QUICK, "--out", "out").returncode == 0
+    found = rows(tmp_path / "out")
+    found[0] |= {"wrong": {"edge": 1}, "failures": ["a ray is lost"]}
+    (tmp_path / "out" / "records.jsonl").write_text("".join(json.dumps(row) + "\n" for row in found))
+    checks, failures = report.tables(found)[0], report.tables(found)[-1]
+    assert {row[0]: row[-1] for row in checks.rows} == {"C01": "FAILED", "cases": "passed"}
+    assert failures.rows == (("C01", "a ray is lost"),)
+    assert command("report", "out").returncode == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "a ray is lost" in page and "Seed 7, all counts times 0.01" in page
 
 
 def test_ctrl_c_keeps_what_is_finished(tmp_path: Path) -> None:
