@@ -116,6 +116,15 @@ void warn_of_caps(const Tree &tree, const Settings &settings, Statistics &statis
     warn(text.str(), statistics);
 }
 
+/// What the mode of traversal is and why, where it is not simply the one that was asked for.
+std::string chosen_precision(const Settings &settings, bool with_primitives) {
+    if (with_primitives && (settings.precision != Precision::safe || settings.early_exit == EarlyExit::plane))
+        return "safe, for a tree of more than triangles has no other mode";
+    if (settings.precision == Precision::automatic)
+        return "safe, for what rays need depends on where they begin: no scene alone allows less";
+    return "";
+}
+
 template <typename Test>
 std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted, const BuildOptions &options) {
     Statistics statistics = describe(set, wanted);
@@ -149,6 +158,7 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted
     if (file && !statistics.loaded)
         save(*file, *tree, statistics);
     warn_of_caps(*tree, settings, statistics);
+    statistics.precision = chosen_precision(settings, options.primitives);
     if (options.primitives)
         return pack_mixed_tree<Test>(*tree, set, settings, std::move(statistics), options.primitives);
     if (settings.early_exit == EarlyExit::plane)
@@ -159,8 +169,6 @@ std::unique_ptr<Accelerator> make(const TriangleSet &set, const Settings &wanted
     case Precision::epsilon:
         return pack_tree<Test, Mode::epsilon>(*tree, set, settings, std::move(statistics), nullptr);
     case Precision::automatic:
-        statistics.precision = "safe, for what rays need depends on where they begin: no scene alone allows less";
-        break;
     case Precision::safe:
         break;
     }

@@ -13,7 +13,7 @@ struct Statistics {
     std::string spec;
     std::string chosen;                                  ///< of `auto`: the spec of the tree it built; else empty
     std::string choice;                                  ///< of `auto`: why that one, in one sentence
-    std::string precision;                               ///< of `precision=auto`: what it is, and why; else empty
+    std::string precision;                               ///< what it is, and why, where it is not what was asked for; else empty
     double choose_s = 0;                                 ///< of `auto`: part of `build_s`
     double predicted_build_s = 0, predicted_trace_s = 0; ///< of `auto`: on one thread
     std::size_t triangles = 0, dropped_triangles = 0, primitives = 0;

@@ -131,7 +131,7 @@ protected:
         if (!s.choice.empty())
             Log(Info, "auto: %s", s.choice);
         if (!s.precision.empty())
-            Log(Info, "precision=auto: %s", s.precision);
+            Log(Info, "precision: %s", s.precision);
         Log(Info, "bsptree %s: %d triangles and %d other primitives, %d nodes, %d references, %s in %.3f s", s.spec,
             s.triangles, s.primitives, s.nodes, s.references, s.loaded ? "loaded" : "built", s.build_s);
     }

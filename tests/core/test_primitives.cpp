@@ -106,6 +106,19 @@ TEST(Primitives, AreHitAmongTriangles) {
     expect_like_brute(set, spheres, rays);
 }
 
+TEST(Primitives, AreTraversedSafelyWhateverIsAsked) {
+    TriangleSet set = random_soup(50, 8);
+    const Spheres spheres = random_spheres(10, 9, 0.2);
+    spheres.add_to(set);
+    const auto precision_of = [&](const Options &options) {
+        return make_accelerator(set, make_settings("kd", options), {"", nullptr, &spheres})->statistics().precision;
+    };
+    for (const Options &options : std::vector<Options>{
+             {{"precision", "fast"}}, {{"precision", "epsilon"}}, {{"precision", "auto"}}, {{"early_exit", "plane"}}})
+        EXPECT_EQ(precision_of(options), "safe, for a tree of more than triangles has no other mode");
+    EXPECT_EQ(precision_of({}), "");
+}
+
 TEST(Primitives, AreHitWithoutTriangles) {
     for (const double scale : {1.0, 1e-20, 1e12}) {
         const Spheres spheres = random_spheres(500, 4, 0.1, scale);
