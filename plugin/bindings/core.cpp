@@ -115,6 +115,7 @@ nb::ndarray<nb::numpy, float> planes(const Tree &tree) {
 }
 
 /// The neutral tree before it is packed, for audits: an array entry a node, depth first, and the leaves' triangles.
+/// Planes and box are as seen in its axes.
 nb::dict neutral_tree(const Rows3 &vertices, const Faces &faces, const std::string &tree_name,
                       const OptionMap &options) {
     const bsp::Settings settings = bsp::make_settings(tree_name, to_options(options));
@@ -139,7 +140,7 @@ nb::dict neutral_tree(const Rows3 &vertices, const Faces &faces, const std::stri
         first.push_back(node.first);
         count.push_back(node.count);
     }
-    const bsp::Bounds box = bsp::root_box(set);
+    const bsp::Bounds &box = tree.box;
     nb::dict result;
     result["is_leaf"] = to_numpy(std::move(is_leaf));
     result["planes"] = to_numpy(std::move(planes));
@@ -149,6 +150,12 @@ nb::dict neutral_tree(const Rows3 &vertices, const Faces &faces, const std::stri
     result["references"] = to_numpy(std::move(tree.references));
     result["box"] = to_numpy(std::vector<double>{box.lower.x, box.lower.y, box.lower.z, //
                                                  box.upper.x, box.upper.y, box.upper.z});
+    std::vector<double> axes;
+    for (const bsp::Vec3d &axis : tree.orientation.axes())
+        axes.insert(axes.end(), {axis.x, axis.y, axis.z});
+    const bsp::Vec3d origin = tree.orientation.origin();
+    result["axes"] = to_numpy(std::move(axes));
+    result["origin"] = to_numpy(std::vector<double>{origin.x, origin.y, origin.z});
     result["plane_tolerance"] = tree.plane_tolerance;
     result["depth"] = tree.depth;
     return result;

@@ -86,12 +86,11 @@ private:
 
 } // namespace
 
-Box packed_box(const TriangleSet &set) {
-    const Bounds root = root_box(set);
+Box packed_box(const Tree &tree) {
     Box box;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        box.lower[axis] = round_down(root.lower[axis]);
-        box.upper[axis] = round_up(root.upper[axis]);
+        box.lower[axis] = round_down(tree.box.lower[axis]);
+        box.upper[axis] = round_up(tree.box.upper[axis]);
     }
     return box;
 }
@@ -113,7 +112,8 @@ void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &
 
 BinaryLayout pack_binary(const Tree &tree, const TriangleSet &set, bool families) {
     BinaryLayout layout;
-    layout.box = packed_box(set);
+    layout.orientation = tree.orientation;
+    layout.box = packed_box(tree);
     if (families)
         layout.families = find_families(tree);
     layout.splits = splits_of(tree, layout.families);

@@ -80,6 +80,7 @@ enum class Splits {
 };
 
 struct BinaryLayout {
+    Orientation orientation;
     Box box;
     LargePageVector<NodeWord> words;
     LargePageVector<TriangleBlock> blocks;
@@ -94,7 +95,7 @@ struct BinaryLayout {
 std::vector<Plane> planes_of(const BinaryLayout &layout);
 
 // What every layout takes over from a tree.
-Box packed_box(const TriangleSet &set);
+Box packed_box(const Tree &tree);
 float packed_tolerance(const Tree &tree);
 /// Appends a leaf's triangles as blocks.
 void add_blocks(const std::uint32_t *ids, std::size_t count, const TriangleSet &set,

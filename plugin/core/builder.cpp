@@ -77,13 +77,14 @@ public:
           m_monitor(monitor), m_survey(survey), m_max_depth(depth_allowed(settings, set.size())) {}
 
     Tree build() const {
-        NodeWork root{make_references(m_set), Cell(root_box(m_set))};
+        Tree tree;
+        tree.box = root_box(m_set);
+        NodeWork root{make_references(m_set), Cell(tree.box)};
         if (m_triangle_planes)
             root.references = in_spatial_order(root.references);
         root.bad_refines = m_settings.bad_refines;
         root.budget = m_settings.max_references * double(root.references.size());
         root.seed = m_settings.seed;
-        Tree tree;
         tree.plane_tolerance = m_triangle_planes ? m_plane_tolerance : 0;
         tree.sah_cost = build_node(std::move(root), tree);
         return tree;
@@ -379,6 +380,23 @@ private:
     const int m_max_depth;
 };
 
+/// The triangles in the tree's axes.
+class View {
+public:
+    View(const TriangleSet &users, const Settings &settings)
+        : orientation(settings.orientation == OrientationKind::scene ? find_orientation(users) : Orientation()),
+          m_turned(orientation.turns() ? orientation.seen(users) : TriangleSet()),
+          set(orientation.turns() ? m_turned : users) {}
+
+    const Orientation orientation;
+
+private:
+    const TriangleSet m_turned;
+
+public:
+    const TriangleSet &set;
+};
+
 } // namespace
 
 int depth_allowed(const Settings &settings, std::size_t triangles) {
@@ -405,7 +423,9 @@ Bounds root_box(const TriangleSet &set) {
 
 Tree build_tree(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     const StandardFloats floats;
-    Tree tree = Builder(set, settings, monitor, nullptr).build();
+    const View view(set, settings);
+    Tree tree = Builder(view.set, settings, monitor, nullptr).build();
+    tree.orientation = view.orientation;
     describe_levels(tree);
     return tree;
 }
@@ -413,7 +433,8 @@ Tree build_tree(const TriangleSet &set, const Settings &settings, BuildMonitor *
 std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     const StandardFloats floats;
     PlaneSurvey survey;
-    Builder(set, settings, monitor, &survey).build();
+    const View view(set, settings);
+    Builder(view.set, settings, monitor, &survey).build();
     return survey.counts();
 }
 

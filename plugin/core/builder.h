@@ -26,7 +26,7 @@ std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &s
 /// Levels of interior nodes that a tree of so many valid triangles may have.
 int depth_allowed(const Settings &settings, std::size_t triangles);
 
-/// The box every tree starts from: that of the triangles, slightly larger so that planes through its faces cut it.
+/// The box a tree starts from: that of the triangles, slightly larger so that planes through its faces cut it.
 Bounds root_box(const TriangleSet &set);
 
 } // namespace bsp

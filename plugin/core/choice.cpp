@@ -8,6 +8,7 @@
 
 #include "builder.h"
 #include "expected_work.h"
+#include "orientation.h"
 #include "parallel.h"
 #include "random.h"
 #include "standard_floats.h"
@@ -48,21 +49,16 @@ double kd_build_seconds(double triangles) { return 165e-9 * triangles * std::log
 /// that miss make a quarter more.
 double kd_ray_seconds(double pilot_ns, double levels) { return 1.25e-9 * (30 + 10 * levels + pilot_ns); }
 
-constexpr double axis_cosine = 0.9999;   ///< of normals that lie along an axis
 constexpr double axis_aligned = 0.98;    ///< share of the area from which on nothing oblique is tried
+constexpr double worth_turning = 0.1;    ///< more of the area that must lie along the scene's own axes
 constexpr double hoped_for_ratio = 0.75; ///< pilots are not flown where even this would change nothing
 constexpr double typical_pilot_ns = 60;
 
-double axis_share(const TriangleSet &set) {
-    double total = 0, aligned = 0;
-    for (const std::uint32_t id : set.valid) {
-        const Vec3d normal = scaled_normal(set.triangles[id]);
-        const double length = norm(normal);
-        total += length;
-        if (std::max({std::abs(normal.x), std::abs(normal.y), std::abs(normal.z)}) >= axis_cosine * length)
-            aligned += length;
-    }
-    return total > 0 ? aligned / total : 1;
+/// The scene's own axes, if so much more than `share` of the area lies along them that they are worth their price: a
+/// ray has to be turned, and the walls are no longer flat to the last bit.
+Orientation worthwhile_orientation(const TriangleSet &set, double share) {
+    const Orientation found = find_orientation(set);
+    return found.turns() && axis_share(set, found) >= share + worth_turning ? found : Orientation();
 }
 
 /// What the pilots found: parts of the scene, built as `kd` and as `normals`.
@@ -126,7 +122,7 @@ Pilots fly_pilots(const TriangleSet &set, std::uint64_t seed, BuildMonitor *moni
             if (monitor)
                 monitor->check();
             const TriangleSet part = neighbourhood(set, middles[i], pilots.size, nearest);
-            found[i] = {expected_work(build_tree(part, kd), part), expected_work(build_tree(part, normals), part)};
+            found[i] = {expected_work(build_tree(part, kd)), expected_work(build_tree(part, normals))};
         }
     });
     for (const auto &[kd_work, normals_work] : found) {
@@ -158,8 +154,9 @@ Prediction best_candidate(double n, double ray_s, double rays, std::optional<dou
     return best;
 }
 
-Settings settings_of(const Candidate &candidate, const Settings &wanted) {
+Settings settings_of(const Candidate &candidate, const Orientation &orientation, const Settings &wanted) {
     Settings chosen = make_settings(candidate.tree, candidate.options);
+    chosen.orientation = orientation.turns() ? OrientationKind::scene : OrientationKind::user;
     chosen.seed = wanted.seed;
     chosen.triangle_test = wanted.triangle_test;
     chosen.simd = wanted.simd;
@@ -187,23 +184,29 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
     const double n = double(set.size()), rays = settings.expected_rays;
     const double pilot_size = double(std::max<std::size_t>(1, plan_pilots(set.valid.size()).size));
     const double levels = std::log2(std::max(1.0, n / pilot_size));
-    const double aligned = axis_share(set);
     std::ostringstream reason;
     reason.precision(3);
+    double aligned = axis_share(set);
     reason << std::round(100 * aligned) << " % of the area lies along the axes";
+    const Orientation orientation = aligned < axis_aligned ? worthwhile_orientation(set, aligned) : Orientation();
+    if (orientation.turns()) {
+        aligned = axis_share(set, orientation);
+        reason << ", " << std::round(100 * aligned) << " % along those of the scene itself";
+    }
     double ray_s = kd_ray_seconds(typical_pilot_ns, levels);
     std::optional<double> ratio;
     if (aligned < axis_aligned && best_candidate(n, ray_s, rays, hoped_for_ratio).candidate->is_oblique) {
-        const Pilots pilots = fly_pilots(set, settings.seed, monitor);
+        const Pilots pilots = fly_pilots(orientation.turns() ? orientation.seen(set) : set, settings.seed, monitor);
         ray_s = kd_ray_seconds(pilots.kd_ns(), levels);
         ratio = pilots.ratio();
         reason << ", " << pilots.count << " parts of " << pilots.size << " triangles cost rays " << *ratio
                << " times as much under normals as under kd";
     }
     const Prediction best = best_candidate(n, ray_s, rays, ratio);
-    reason << ": " << short_spec(*best.candidate) << ", predicted to take one thread " << best.build_s
-           << " s to build and " << best.trace_s << " s to trace " << std::setprecision(12) << rays << " rays";
-    return {settings_of(*best.candidate, settings), reason.str(), best.build_s, best.trace_s};
+    reason << ": " << short_spec(*best.candidate) << (orientation.turns() ? " in these" : "")
+           << ", predicted to take one thread " << best.build_s << " s to build and " << best.trace_s << " s to trace "
+           << std::setprecision(12) << rays << " rays";
+    return {settings_of(*best.candidate, orientation, settings), reason.str(), best.build_s, best.trace_s};
 }
 
 } // namespace bsp

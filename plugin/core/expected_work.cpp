@@ -1,6 +1,6 @@
 #include "expected_work.h"
 
-#include "builder.h"
+#include "cell.h"
 #include "settings.h"
 
 namespace bsp {
@@ -40,8 +40,8 @@ private:
 
 } // namespace
 
-Work expected_work(const Tree &tree, const TriangleSet &set) {
-    const Cell root(root_box(set));
+Work expected_work(const Tree &tree) {
+    const Cell root(tree.box);
     Walk walk(tree, root);
     walk.visit(0, root, 0);
     return walk.work;

@@ -1,9 +1,7 @@
 /// What a random ray is expected to meet in a tree, in counts: the surface area heuristic without its prices.
 #pragma once
 
-#include "cell.h"
 #include "tree.h"
-#include "triangles.h"
 
 namespace bsp {
 
@@ -20,7 +18,6 @@ struct Work {
     }
 };
 
-/// Of a tree that was built over `set`.
-Work expected_work(const Tree &tree, const TriangleSet &set);
+Work expected_work(const Tree &tree);
 
 } // namespace bsp

@@ -14,7 +14,7 @@ template <typename Test, Splits splits, Mode mode> struct BinaryWalk {
     using Layout = BinaryLayout;
     template <typename Query, typename Counting>
     static Query run(const Layout &layout, const ScaledRay &ray, Query query, Counting counting) {
-        return traverse<splits, mode, Test>(layout, ray.ray(), query, counting);
+        return traverse<splits, mode, Test>(layout, ray, query, counting);
     }
 };
 template <typename Test, Simd simd, Mode mode> struct WideWalk {
@@ -48,8 +48,11 @@ public:
 
     std::vector<Plane> planes() const override {
         std::vector<Plane> planes = planes_of(m_layout);
-        for (Plane &plane : planes)
+        for (Plane &plane : planes) {
+            if (m_layout.orientation.turns())
+                plane = m_layout.orientation.unseen(plane);
             plane.offset = float(m_scale.undo(double(plane.offset)));
+        }
         return planes;
     }
     std::vector<MemoryPart> memory() const override { return m_layout.memory(); }

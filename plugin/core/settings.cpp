@@ -111,6 +111,8 @@ constexpr std::array<Word<TreeKind>, 8> tree_words{{{"auto", TreeKind::automatic
                                                     {"brute", TreeKind::brute}}};
 constexpr std::array<Word<AxesPolicy>, 3> axes_words{
     {{"none", AxesPolicy::none}, {"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
+constexpr std::array<Word<OrientationKind>, 2> orientation_words{
+    {{"user", OrientationKind::user}, {"scene", OrientationKind::scene}}};
 constexpr std::array<Word<DirectionSet>, 2> directions_words{
     {{"kdop", DirectionSet::kdop}, {"spiral", DirectionSet::spiral}}};
 constexpr std::array<Word<Weighting>, 2> weighting_words{
@@ -232,6 +234,11 @@ std::vector<Key> direction_keys() {
         word_key<LayoutKind>(layout_key,
                              "nodes of seven planes tested at once (wide) or of one, as in the papers (binary)",
                              For::built, layout_words, [](Settings &s) -> LayoutKind & { return s.layout; }),
+        word_key<OrientationKind>(
+            "orientation",
+            "the tree's x, y and z, and all directions: user, as the coordinates are; scene, turned to the three "
+            "perpendicular directions along which most of the area faces",
+            For::built, orientation_words, [](Settings &s) -> OrientationKind & { return s.orientation; }),
         word_key<Simd>("simd", "instructions for wide nodes, the best of this processor or these; answers are the same",
                        For::tree, simd_words, [](Settings &s) -> Simd & { return s.simd; }),
         word_key<Precision>(

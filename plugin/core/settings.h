@@ -40,6 +40,11 @@ enum class Simd {
     avx2,
     avx512,
 };
+/// The axes of a tree, along which its `x`, `y` and `z` are.
+enum class OrientationKind {
+    user,  ///< those of the coordinates
+    scene, ///< perpendicular ones along which most of the area faces
+};
 /// The fixed directions of `rbsp`.
 enum class DirectionSet {
     kdop,   ///< components -1, 0 and 1, for k = 3, 7, 9, 13: Klosowski et al. 1998
@@ -91,6 +96,7 @@ struct Settings {
     TreeKind tree = TreeKind::kd;
     int k = 6; ///< directions swept at a node, the axes included
     AxesPolicy axes = AxesPolicy::fast;
+    OrientationKind orientation = OrientationKind::user;
     std::uint64_t seed = 0;
     DirectionSet directions = DirectionSet::kdop;
     bool cached_dots = true; ///< binary nodes: n.o and n.d once per ray and direction, where directions are few

@@ -11,10 +11,10 @@ namespace bsp {
 /// Zero for brute force where it does not apply.
 struct Statistics {
     std::string spec;
-    std::string chosen;                                  ///< of `auto`: the spec of the tree it built; else empty
-    std::string choice;                                  ///< of `auto`: why that one, in one sentence
-    std::string precision;                               ///< what it is, and why, where it is not what was asked for; else empty
-    double choose_s = 0;                                 ///< of `auto`: part of `build_s`
+    std::string chosen;    ///< of `auto`: the spec of the tree it built; else empty
+    std::string choice;    ///< of `auto`: why that one, in one sentence
+    std::string precision; ///< what it is, and why, where it is not what was asked for; else empty
+    double choose_s = 0;   ///< of `auto`: part of `build_s`
     double predicted_build_s = 0, predicted_trace_s = 0; ///< of `auto`: on one thread
     std::size_t triangles = 0, dropped_triangles = 0, primitives = 0;
     std::size_t nodes = 0, interior_nodes = 0, axis_nodes = 0, oblique_nodes = 0;

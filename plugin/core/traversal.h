@@ -4,6 +4,8 @@
 /// it, so that a leaf is visited whenever the triangle test finds one of its triangles hit. With u = 2^-24, R_k the
 /// largest distance along axis k from the origin to the scene's box, and R the largest R_k:
 /// - a hit that `WoopTest` reports lies within 8 u R, per axis, of a point of the triangle (shear: 6 u R; t: 2 u R);
+///   in a tree with axes of its own (`Orientation`) within 32 u R, per axis of these: turning the error multiplies it
+///   by sqrt(3), R there may be smaller by sqrt(3), and the turned vertices, origin and direction err by 1 u R each;
 /// - along an axis, offset - o_k errs by u R_k, its product with 1/d_k by 3 u R_k;
 /// - along an oblique normal n, n.o errs by 3 u |n||o|, n.d by 3 u |n||d| (times t: 3 u |n| R), the difference by u |n|
 /// R and
@@ -140,7 +142,7 @@ template <Mode mode> struct RayFrame {
         0; ///< components of d and values n.d nearer to 0 count as this, which moves no point by more than 2^-40 R
     float entry, exit; ///< where the ray is inside the scene's box, widened
 
-    RayFrame(const Ray &ray, const Box &box, float plane_tolerance) : o(ray.o), d(ray.d) {
+    RayFrame(const Ray &ray, const Box &box, float hit_error, float plane_tolerance) : o(ray.o), d(ray.d) {
         constexpr float unit = error_unit(mode);
         const float largest = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
         Vec3f reach;
@@ -148,16 +150,17 @@ template <Mode mode> struct RayFrame {
             reach[k] = std::max(std::abs(box.lower[k] - o[k]), std::abs(box.upper[k] - o[k]));
         const float sum = reach.x + reach.y + reach.z, farthest = std::max({reach.x, reach.y, reach.z});
         smallest = largest * 0x1p-40f;
-        oblique_slack = mode == Mode::epsilon
-                            ? fixed_epsilon / largest
-                            : unit * (3 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 7 * sum + 24 * farthest) +
-                                  plane_tolerance;
+        oblique_slack =
+            mode == Mode::epsilon
+                ? fixed_epsilon / largest
+                : unit * (3 * (std::abs(o.x) + std::abs(o.y) + std::abs(o.z)) + 7 * sum + 3 * hit_error * farthest) +
+                      plane_tolerance;
         entry = 0;
         exit = ray.maxt;
         for (unsigned k = 0; k < 3; ++k) {
             inverse[k] = 1 / away_from_zero(d[k]);
-            axis_slack[k] =
-                mode == Mode::epsilon ? oblique_slack : unit * (4 * reach[k] + 8 * farthest) * std::abs(inverse[k]);
+            axis_slack[k] = mode == Mode::epsilon ? oblique_slack
+                                                  : unit * (4 * reach[k] + hit_error * farthest) * std::abs(inverse[k]);
             const float t0 = (box.lower[k] - o[k]) * inverse[k], t1 = (box.upper[k] - o[k]) * inverse[k];
             entry = std::max(entry, widened_begin<mode>(std::min(t0, t1), axis_slack[k]));
             exit = std::min(exit, widened_end<mode>(std::max(t0, t1), axis_slack[k]));
@@ -239,10 +242,13 @@ private:
 };
 
 template <Splits splits, Mode mode, typename Test, typename Query, typename Counting>
-Query traverse(const BinaryLayout &layout, const Ray &ray, Query query, Counting counting) {
+Query traverse(const BinaryLayout &layout, const ScaledRay &scaled, Query query, Counting counting) {
     if constexpr (Counting::counts)
         ++counting.counters.rays;
-    const RayFrame<mode> frame(ray, layout.box, layout.plane_tolerance);
+    const Ray ray = scaled.ray();
+    const auto [o, d] = layout.orientation.seen(scaled.o, scaled.d);
+    const RayFrame<mode> frame(ScaledRay{o, d, 1}.ray(), layout.box, layout.orientation.hit_error(),
+                               layout.plane_tolerance);
     float entry = frame.entry, exit = frame.exit;
     if (!(entry <= exit))
         return query;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "direction.h"
+#include "orientation.h"
 #include "triangles.h"
 
 namespace bsp {
@@ -31,6 +32,8 @@ struct BuildPhases {
 };
 
 struct Tree {
+    Orientation orientation;               ///< the axes that `box` and all planes are seen in
+    Bounds box;                            ///< the root's cell
     std::vector<TreeNode> nodes;           ///< depth first; the root is nodes[0]
     std::vector<std::uint32_t> references; ///< triangle ids of the leaves, ascending within a leaf
     double sah_cost = 0;                   ///< expected price of a random ray that meets the root's cell

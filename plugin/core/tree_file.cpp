@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr char magic[8] = {'B', 'S', 'P', ' ', 't', 'r', 'e', 'e'};
 constexpr std::uint32_t byte_order = 0x01020304;
-constexpr std::uint32_t format_version = 4;
+constexpr std::uint32_t format_version = 5;
 
 /// A file is this, then the nodes, then the references.
 struct Header {
@@ -26,12 +26,14 @@ struct Header {
     std::uint32_t byte_order, format_version;
     std::uint64_t key;
     std::uint64_t node_count, reference_count;
+    double axes[3][3], origin[3]; ///< of `Tree::orientation`; all 0 for the user's
+    double lower[3], upper[3];    ///< of `Tree::box`
     double sah_cost, plane_tolerance;
     std::uint64_t capped_leaves, capped_references;
     std::uint64_t planes[depth_limit + 1]; ///< per level
     std::uint64_t hash;                    ///< of the whole file, this field taken as 0
 };
-static_assert(sizeof(Header) == 80 + 8 * (depth_limit + 1));
+static_assert(sizeof(Header) == 224 + 8 * (depth_limit + 1));
 
 /// A node as it is in a file: the same bytes for the same tree, which `TreeNode` with its padding is not.
 struct SavedNode {
@@ -41,6 +43,24 @@ struct SavedNode {
     std::uint32_t link; ///< interior: index of the child above; leaf: number of its triangles
 };
 static_assert(sizeof(SavedNode) == 20);
+
+void set_view(const Tree &tree, Header &header) {
+    for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t k = 0; k < 3 && tree.orientation.turns(); ++k)
+            header.axes[i][k] = tree.orientation.axes()[i][k];
+        header.origin[i] = tree.orientation.origin()[i];
+        header.lower[i] = tree.box.lower[i];
+        header.upper[i] = tree.box.upper[i];
+    }
+}
+
+void get_view(const Header &header, Tree &tree) {
+    const auto vector = [](const double (&v)[3]) { return Vec3d{v[0], v[1], v[2]}; };
+    const std::array<Vec3d, 3> axes{vector(header.axes[0]), vector(header.axes[1]), vector(header.axes[2])};
+    if (!(axes[0] == Vec3d{}))
+        tree.orientation = Orientation(axes, vector(header.origin));
+    tree.box = {vector(header.lower), vector(header.upper)};
+}
 
 bool is_leaf(const SavedNode &node) { return TreeNode::Kind(node.kind) == TreeNode::Kind::leaf; }
 
@@ -207,6 +227,7 @@ std::optional<Tree> TreeFile::load(const TriangleSet &set) const {
     if (hash_of(header, nodes, tree.references) != header.hash)
         refuse(m_path, "is damaged: its hash is wrong");
 
+    get_view(header, tree);
     tree.nodes = to_nodes(nodes);
     tree.sah_cost = header.sah_cost;
     tree.plane_tolerance = header.plane_tolerance;
@@ -232,6 +253,7 @@ void TreeFile::save(const Tree &tree) const {
     header.key = m_key;
     header.node_count = nodes.size();
     header.reference_count = tree.references.size();
+    set_view(tree, header);
     header.sah_cost = tree.sah_cost;
     header.plane_tolerance = tree.plane_tolerance;
     header.capped_leaves = tree.capped_leaves;

@@ -115,7 +115,8 @@ private:
 
 WideLayout pack_wide(const Tree &tree, const TriangleSet &set) {
     WideLayout layout;
-    const Box box = packed_box(set);
+    layout.orientation = tree.orientation;
+    const Box box = packed_box(tree);
     layout.box = {{box.lower.x, box.lower.y, box.lower.z, 0}, {box.upper.x, box.upper.y, box.upper.z, 0}};
     layout.plane_tolerance = packed_tolerance(tree);
     std::size_t blocks = 0;

@@ -77,6 +77,7 @@ struct alignas(16) WideBox {
 };
 
 struct WideLayout {
+    Orientation orientation;
     WideBox box;
     WideChild root;
     LargePageVector<WideLine> lines;

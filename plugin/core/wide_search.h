@@ -13,7 +13,8 @@ template <> struct WideSearch<BSP_SIMD> {
     BSP_TARGET static Query run(const WideLayout &layout, __m128 o, __m128 d, Query query, Counting counting) {
         if constexpr (Counting::counts)
             ++counting.counters.rays;
-        const WideRay<mode> wide(o, d, layout.box, layout.plane_tolerance);
+        const auto [seen_o, seen_d] = layout.orientation.seen(o, d);
+        const WideRay<mode> wide(seen_o, seen_d, layout.box, layout.orientation.hit_error(), layout.plane_tolerance);
         if (!(wide.entry <= wide.exit))
             return query;
         const auto test = make_test<Test>(Ray{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}}, query);

@@ -60,7 +60,8 @@ template <Mode mode> struct WideRay {
     Float8 slack;              ///< at oblique planes; of t for `Mode::epsilon`
     float entry, exit;         ///< where the ray is inside the scene's box, widened
 
-    [[gnu::always_inline]] WideRay(__m128 origin, __m128 direction, const WideBox &box, float plane_tolerance) {
+    [[gnu::always_inline]] WideRay(__m128 origin, __m128 direction, const WideBox &box, float hit_error,
+                                   float plane_tolerance) {
         constexpr float unit = error_unit(mode);
         const __m128 sign = _mm_set1_ps(-0.0f);
         const __m128 size = _mm_andnot_ps(sign, direction), largest = largest_of(size);
@@ -68,8 +69,8 @@ template <Mode mode> struct WideRay {
                      upper = _mm_sub_ps(_mm_load_ps(box.upper), origin);
         const __m128 reach = _mm_max_ps(_mm_andnot_ps(sign, lower), _mm_andnot_ps(sign, upper));
         const __m128 far_origin = _mm_andnot_ps(sign, origin);
-        const __m128 bound = largest_of(
-            _mm_add_ps(_mm_mul_ps(_mm_set1_ps(9 * unit), far_origin), _mm_mul_ps(_mm_set1_ps(93 * unit), reach)));
+        const __m128 bound = largest_of(_mm_add_ps(_mm_mul_ps(_mm_set1_ps(9 * unit), far_origin),
+                                                   _mm_mul_ps(_mm_set1_ps((69 + 3 * hit_error) * unit), reach)));
         const __m128 epsilon = _mm_div_ps(_mm_set1_ps(fixed_epsilon), largest);
         slack = mode == Mode::epsilon ? twice(epsilon) : twice(bound) + Float8::all(plane_tolerance);
 
@@ -83,7 +84,7 @@ template <Mode mode> struct WideRay {
                 ? epsilon
                 : _mm_mul_ps(_mm_add_ps(_mm_mul_ps(_mm_set1_ps(3 * unit), far_origin),
                                         _mm_add_ps(_mm_mul_ps(_mm_set1_ps(4 * unit), reach),
-                                                   _mm_mul_ps(_mm_set1_ps(8 * unit), largest_of(reach)))),
+                                                   _mm_mul_ps(_mm_set1_ps(hit_error * unit), largest_of(reach)))),
                              per_size);
         const __m128 t0 = _mm_mul_ps(lower, per_speed), t1 = _mm_mul_ps(upper, per_speed);
         const __m128 begin = widened_begin<mode>(_mm_min_ps(t0, t1), axis_slack),

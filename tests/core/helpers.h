@@ -1,6 +1,7 @@
 /// Meshes and rays for the C++ tests.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "accelerator.h"
@@ -23,6 +24,29 @@ inline TriangleSet make_set(const std::vector<Triangle> &triangles) {
     return set;
 }
 
+/// Squares of a grid of boxes, turned by `angle` about two axes, in an order that tells the tree nothing.
+inline std::vector<Triangle> squares_of_boxes(int side, float angle) {
+    const float c = std::cos(angle), s = std::sin(angle);
+    const auto turned = [&](Vec3f v) {
+        v = {c * v.x - s * v.y, s * v.x + c * v.y, v.z};
+        return Vec3f{v.x, c * v.y - s * v.z, s * v.y + c * v.z};
+    };
+    std::vector<Triangle> triangles;
+    for (int x = 0; x < side; ++x)
+        for (int y = 0; y < side; ++y)
+            for (int axis = 0; axis < 3; ++axis)
+                for (const float at : {0.1f, 0.9f}) {
+                    const auto corner = [&](float u, float v) {
+                        const float p[3] = {at, u, v};
+                        return turned({float(x) + p[(3 - axis) % 3], float(y) + p[(4 - axis) % 3], p[(5 - axis) % 3]});
+                    };
+                    triangles.push_back({corner(0.1f, 0.1f), corner(0.9f, 0.1f), corner(0.1f, 0.9f)});
+                    triangles.push_back({corner(0.9f, 0.9f), corner(0.9f, 0.1f), corner(0.1f, 0.9f)});
+                }
+    return triangles;
+}
+inline TriangleSet grid_of_boxes(int side, float angle) { return make_set(squares_of_boxes(side, angle)); }
+
 inline Vec3f random_point(Random &random, float size = 1) {
     const auto coordinate = [&] { return float((2 * random.uniform() - 1) * size); };
     const float x = coordinate(), y = coordinate(), z = coordinate();
@@ -37,6 +61,17 @@ inline TriangleSet random_soup(std::size_t count, std::uint64_t seed) {
         const Vec3f at = random_point(random);
         triangles.push_back(
             {at + random_point(random, 0.2f), at + random_point(random, 0.2f), at + random_point(random, 0.2f)});
+    }
+    return make_set(triangles);
+}
+
+/// Grids of boxes side by side, each turned its own way.
+inline TriangleSet grids_askew(int side) {
+    std::vector<Triangle> triangles;
+    for (int i = 0; i < 6; ++i) {
+        const Vec3f by{float(3 * side * i), 0, 0};
+        for (const Triangle &t : squares_of_boxes(side, 0.2f * float(i + 1)))
+            triangles.push_back({t.a + by, t.b + by, t.c + by});
     }
     return make_set(triangles);
 }

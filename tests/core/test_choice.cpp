@@ -1,7 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "builder.h"
 #include "choice.h"
 #include "expected_work.h"
@@ -10,28 +8,6 @@
 using namespace bsp;
 
 namespace {
-
-/// Squares of a grid of boxes, turned by `angle` about two axes, in an order that tells the tree nothing.
-TriangleSet grid_of_boxes(int side, float angle) {
-    const float c = std::cos(angle), s = std::sin(angle);
-    const auto turned = [&](Vec3f v) {
-        v = {c * v.x - s * v.y, s * v.x + c * v.y, v.z};
-        return Vec3f{v.x, c * v.y - s * v.z, s * v.y + c * v.z};
-    };
-    std::vector<Triangle> triangles;
-    for (int x = 0; x < side; ++x)
-        for (int y = 0; y < side; ++y)
-            for (int axis = 0; axis < 3; ++axis)
-                for (const float at : {0.1f, 0.9f}) {
-                    const auto corner = [&](float u, float v) {
-                        const float p[3] = {at, u, v};
-                        return turned({float(x) + p[(3 - axis) % 3], float(y) + p[(4 - axis) % 3], p[(5 - axis) % 3]});
-                    };
-                    triangles.push_back({corner(0.1f, 0.1f), corner(0.9f, 0.1f), corner(0.1f, 0.9f)});
-                    triangles.push_back({corner(0.9f, 0.9f), corner(0.9f, 0.1f), corner(0.1f, 0.9f)});
-                }
-    return make_set(triangles);
-}
 
 Choice choose(const TriangleSet &set, const char *rays, const char *seed = "1") {
     return choose_tree(set, make_settings("auto", {{"expected_rays", rays}, {"seed", seed}}));
@@ -46,8 +22,18 @@ TEST(Choice, NothingObliqueIsTriedWhereAllLiesAlongTheAxes) {
     }
 }
 
-TEST(Choice, TurnedBoxesAreCutAlongTheirFaces) {
-    const Choice choice = choose(grid_of_boxes(12, 0.5f), "1e12");
+TEST(Choice, TurnedBoxesGetAxesOfTheirOwn) {
+    for (const char *rays : {"0", "1e12"}) {
+        const Choice choice = choose(grid_of_boxes(12, 0.5f), rays);
+        EXPECT_EQ(choice.settings.tree, TreeKind::kd) << choice.reason;
+        EXPECT_EQ(choice.settings.orientation, OrientationKind::scene) << choice.reason;
+        EXPECT_NE(choice.reason.find("100 % along those of the scene itself"), std::string::npos) << choice.reason;
+        EXPECT_EQ(choice.reason.find("parts of"), std::string::npos) << choice.reason;
+    }
+}
+
+TEST(Choice, GridsTurnedEachItsOwnWayAreCutAlongTheirFaces) {
+    const Choice choice = choose(grids_askew(12), "1e12");
     EXPECT_EQ(choice.settings.tree, TreeKind::normals) << choice.reason;
     EXPECT_NE(choice.reason.find("parts of"), std::string::npos) << choice.reason;
 }
@@ -97,7 +83,7 @@ TEST(Choice, TheSmallestMeshesHaveOne) {
 }
 
 TEST(Choice, TellsWhatItBuilt) {
-    const auto tree = make_accelerator(grid_of_boxes(8, 0.5f), make_settings("auto", {{"expected_rays", "1e12"}}));
+    const auto tree = make_accelerator(grids_askew(12), make_settings("auto", {{"expected_rays", "1e12"}}));
     const Statistics &s = tree->statistics();
     EXPECT_EQ(s.spec.rfind("auto:", 0), 0u) << s.spec;
     EXPECT_EQ(s.chosen.rfind("normals:", 0), 0u) << s.chosen;
@@ -119,7 +105,7 @@ TEST(Choice, OfPrecisionIsSafeAndSaysWhy) {
 
 TEST(ExpectedWork, OfOneLeafIsItsTests) {
     const TriangleSet set = make_set({{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}});
-    const Work work = expected_work(build_tree(set, make_settings("kd", {})), set);
+    const Work work = expected_work(build_tree(set, make_settings("kd", {})));
     EXPECT_EQ(work.leaves, 1);
     EXPECT_EQ(work.tests, 1);
     EXPECT_EQ(work.axis_nodes + work.oblique_nodes, 0);
@@ -135,7 +121,7 @@ TEST(ExpectedWork, IsWhatTheBuilderPredicts) {
         if (std::string(spec) == "kd")
             options.erase(options.begin() + 2);
         const Tree tree = build_tree(set, make_settings(spec, options));
-        const Work work = expected_work(tree, set);
+        const Work work = expected_work(tree);
         EXPECT_NEAR(work.axis_nodes + work.oblique_nodes + work.leaves + work.tests, tree.sah_cost,
                     1e-6 * tree.sah_cost);
         EXPECT_EQ(work.oblique_nodes > 0, std::string(spec) == "normals");

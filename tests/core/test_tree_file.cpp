@@ -18,7 +18,7 @@ namespace {
 
 /// Where the fields of a file are.
 constexpr std::size_t byte_order_at = 8, version_at = 12, key_at = 16, nodes_at = 24, references_at = 32,
-                      hash_at = 72 + 8 * (depth_limit + 1), header_size = hash_at + 8, node_size = 20;
+                      hash_at = 216 + 8 * (depth_limit + 1), header_size = hash_at + 8, node_size = 20;
 
 std::string read_file(const fs::path &path) {
     std::ifstream in(path, std::ios::binary);
@@ -60,6 +60,11 @@ void expect_same(const Tree &x, const Tree &y) {
             << "node " << i;
     }
     EXPECT_EQ(x.references, y.references);
+    EXPECT_EQ(x.orientation.turns(), y.orientation.turns());
+    EXPECT_EQ(x.orientation.axes(), y.orientation.axes());
+    EXPECT_EQ(x.orientation.origin(), y.orientation.origin());
+    EXPECT_EQ(x.box.lower, y.box.lower);
+    EXPECT_EQ(x.box.upper, y.box.upper);
     EXPECT_EQ(x.sah_cost, y.sah_cost);
     EXPECT_EQ(x.depth, y.depth);
     EXPECT_EQ(x.plane_tolerance, y.plane_tolerance);
@@ -124,11 +129,14 @@ private:
 };
 
 TEST_F(TreeFiles, ComeBackBitForBit) {
+    std::vector<Settings> all{make_settings("kd", {{"orientation", "scene"}})};
     for (const char *name : {"kd", "random", "normals", "clustered"})
+        all.push_back(make_settings(name, {}));
+    for (const Settings &kept : all)
         for (const std::size_t count : {0u, 1u, 50u, 3000u}) {
             const TriangleSet triangles = random_soup(count, count);
-            const Tree built = build_tree(triangles, make_settings(name, {}));
-            const TreeFile place(folder / "deep" / "er", triangles, make_settings(name, {}));
+            const Tree built = build_tree(triangles, kept);
+            const TreeFile place(folder / "deep" / "er", triangles, kept);
             EXPECT_FALSE(place.load(triangles).has_value());
             place.save(built);
             const std::optional<Tree> loaded = place.load(triangles);

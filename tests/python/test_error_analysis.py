@@ -85,7 +85,19 @@ def shear(rng: np.random.Generator) -> Fraction:
     return abs(exact(found) - true) / (5 * U * max(reach(o)))
 
 
-@pytest.mark.parametrize("share_of_bound", [axis_binary, axis_wide, oblique, shear])
+def turned_ray(rng: np.random.Generator) -> Fraction:
+    """A point of the ray, turned, against that of the turned ray; the turned box is [-1, 1]^3."""
+    axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    o, d = numbers(rng, 3), numbers(rng, 3)
+    seen_o, seen_d = ((axes @ v.astype(float)).astype(F) for v in (o, d))
+    k = int(rng.integers(3))
+    bound = 1 + abs(exact(seen_o[k]))
+    t = bound / max(abs(exact(x)) for x in seen_d)  # as far as the box reaches
+    true = sum(Fraction(float(a)) * (exact(x) + t * exact(y)) for a, x, y in zip(axes[k], o, d, strict=True))
+    return abs(exact(seen_o[k]) + t * exact(seen_d[k]) - true) / (2 * U * bound)
+
+
+@pytest.mark.parametrize("share_of_bound", [turned_ray, axis_binary, axis_wide, oblique, shear])
 def test_the_bound_holds_and_is_not_idle(share_of_bound: Callable[[np.random.Generator], Fraction]) -> None:
     rng = np.random.default_rng(1)
     worst = max(share_of_bound(rng) for _ in range(COUNT))

@@ -83,15 +83,16 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     tree = neutral_tree(Mesh("scene", vertices, faces), parse_spec(job.spec))
     stage(f"looking at the nodes of {job.spec}")
     subtrees = Subtrees(tree)
+    seen = tree.seen(vertices)[faces]
     nodes = [subtrees.heaviest(depth) for depth in DEPTHS]
     arrays: dict[str, NDArray[np.generic]] = {}
     for number, node in enumerate(nodes):
         normals, areas = normals_and_areas(vertices[faces[subtrees.triangles(node)]])
-        areas = _areas_inside(tree, node, vertices[faces[subtrees.triangles(node)]]) if node else areas
+        areas = _areas_inside(tree, node, seen[subtrees.triangles(node)]) if node else areas
         below = subtrees.inner_below(node, LEVELS)
         arrays |= {
             f"map{number}": _map(normals, areas),
-            f"directions{number}": tree.normals[below].astype(np.float32),
+            f"directions{number}": (tree.normals[below] @ tree.axes).astype(np.float32),
             f"depths{number}": (subtrees.depths[below] - subtrees.depths[node]).astype(np.uint8),
         }
     save_arrays(Path(job.arrays), arrays)
@@ -101,7 +102,7 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
         "interior_nodes": int((~tree.is_leaf).sum()),
         "oblique_share": _share(_is_oblique(tree, np.flatnonzero(~tree.is_leaf))),
         "oblique_share_at_top": _share(_is_oblique(tree, top)),
-        "parallel_share": float(np.mean([_parallel(tree, subtrees, n, vertices[faces]) for n in top] or [0])),
+        "parallel_share": float(np.mean([_parallel(tree, subtrees, n, seen) for n in top] or [0])),
         "axis_area_share": axis_area_share(vertices, faces),
     }
 

@@ -93,7 +93,8 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     plane = np.array(job.choices["plane"] or default_plane(corners), float)
     plane /= np.linalg.norm(plane[:3])
     stage(f"cutting {job.spec}")
-    cells, leaves = section(tree, plane)
+    cells, leaves = section(tree, tree.seen_plane(plane))
+    cells = tree.unseen(cells)
     across = basis(plane)
     if len(leaves) and np.argmax(np.ptp((cells @ across.T.astype(Real)).reshape(-1, 2), axis=0)) == 1:
         across = across[::-1]  # the longer side lies across
@@ -109,7 +110,7 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
             "segments": (outline(corners, plane) @ across.T).astype(np.float32),
             **first_planes(tree),
             "points": surface_points(corners),
-            "box": tree.box.astype(np.float32),
+            "box": _users_box(tree).astype(np.float32),
         },
     )
     areas = _areas(flat.astype(float))
@@ -223,10 +224,17 @@ def first_planes(tree: NeutralTree) -> dict[str, NDArray[np.generic]]:
         polygons.append(part)
         owners += [node] * len(part)
     return {
-        "planes": np.concatenate(_widened(polygons)).astype(np.float32),
+        "planes": tree.unseen(np.concatenate(_widened(polygons))).astype(np.float32),
         "levels": subtrees.depths[owners].astype(np.uint8) if owners else np.zeros(0, np.uint8),
         "oblique": (tree.normals[owners] != 0).sum(axis=1) > 1 if owners else np.zeros(0, bool),
     }
+
+
+def _users_box(tree: NeutralTree) -> NDArray[np.float64]:
+    """The box around the root's cell: its lower and upper corner."""
+    corners = np.stack(np.meshgrid(*tree.box.T, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = tree.unseen(corners)
+    return np.stack([found.min(axis=0), found.max(axis=0)])
 
 
 def surface_points(corners: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -23,7 +23,8 @@ SLACK = 2.0**-45
 
 @dataclass(frozen=True)
 class NeutralTree:
-    """A tree before packing: nodes depth first, the child below follows its parent."""
+    """A tree before packing: nodes depth first, the child below follows its parent. Planes and box are as seen in the
+    tree's own axes."""
 
     is_leaf: NDArray[np.bool_]
     normals: NDArray[np.float64]  #: (n, 3)
@@ -35,6 +36,24 @@ class NeutralTree:
     box: NDArray[np.float64]  #: lower and upper corner of the root's cell
     plane_tolerance: float  #: by which triangles may lie beyond oblique planes
     depth: int
+    axes: NDArray[np.float64]  #: (3, 3), a row an axis
+    origin: NDArray[np.float64]  #: the point that is seen as 0
+
+    def seen(self, points: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Points (..., 3) in the tree's axes, rounded to floats as the builder does if these are not the user's."""
+        if np.array_equal(self.axes, np.eye(3)):
+            return points
+        x, y, z = np.moveaxis(points.astype(float) - self.origin, -1, 0)
+        along = [x * axis[0] + y * axis[1] + z * axis[2] for axis in self.axes]
+        return np.stack(along, axis=-1).astype(np.float32)
+
+    def unseen(self, points: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Points (..., 3) of the tree's axes in the user's."""
+        return points @ self.axes.astype(points.dtype) + self.origin.astype(points.dtype)
+
+    def seen_plane(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The plane (normal, offset) in the tree's axes."""
+        return np.append(self.axes @ plane[:3], plane[3] - plane[:3] @ self.origin)
 
     def listed(self) -> set[tuple[int, int]]:
         """Every (leaf, triangle) in the lists."""
@@ -47,8 +66,10 @@ def neutral_tree(mesh: Mesh, spec: Spec) -> NeutralTree:
     """Build a tree and leave it unpacked."""
     parts = _core.neutral_tree(mesh.vertices, mesh.faces, spec.name, dict(spec.options))
     planes = parts.pop("planes").reshape(-1, 4).astype(float)
-    is_leaf, box = parts.pop("is_leaf").astype(bool), parts.pop("box").reshape(2, 3)
-    return NeutralTree(is_leaf=is_leaf, normals=planes[:, :3], offsets=planes[:, 3], box=box, **parts)
+    is_leaf, box, axes = parts.pop("is_leaf").astype(bool), parts.pop("box").reshape(2, 3), parts.pop("axes")
+    return NeutralTree(
+        is_leaf=is_leaf, normals=planes[:, :3], offsets=planes[:, 3], box=box, axes=axes.reshape(3, 3), **parts
+    )
 
 
 def depths(tree: NeutralTree) -> NDArray[np.int64]:
@@ -65,7 +86,7 @@ def missing(tree: NeutralTree, mesh: Mesh, valid: NDArray[np.intp]) -> list[tupl
     oblique = (tree.normals != 0).sum(axis=1) > 1
     slacks = np.where(oblique, tree.plane_tolerance + 3 * slack, slack)
     triangles = np.asarray(valid)
-    polygons = mesh.vertices[mesh.faces[triangles]].astype(Real)
+    polygons = tree.seen(mesh.vertices[mesh.faces[triangles]]).astype(Real)
     nodes = np.zeros(len(triangles), int)
     listed, absent = tree.listed(), []
     while len(nodes):

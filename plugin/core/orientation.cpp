@@ -1,0 +1,184 @@
+#include "orientation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "accelerator.h"
+#include "direction.h"
+#include "sorting.h"
+#include "standard_floats.h"
+
+namespace bsp {
+namespace {
+
+constexpr std::size_t looked_at = 1 << 17;        ///< of more triangles, every second, third, ... is
+constexpr std::size_t tried = 4;                  ///< directions for the first axis, and for the second
+constexpr unsigned bins = 63;                     ///< along each side of a cube's face; odd, so that 0 is inside of one
+constexpr double perpendicular_cosine = 0.014142; ///< of what is perpendicular: as far off as `axis_cosine`
+
+/// Triangles that face nearly alike, or opposite ways.
+struct Facing {
+    double area = 0, largest_area = 0; ///< twice these
+    std::uint32_t largest = 0;         ///< the triangle of `largest_area`
+    Vec3d normal;                      ///< its, of length 1
+};
+
+unsigned bin_of(const Direction &direction) {
+    const auto bin = [](float slope) { return std::min(bins - 1, unsigned((slope + 1) * (0.5f * bins))); };
+    return (direction.major * bins + bin(direction.a)) * bins + bin(direction.b);
+}
+
+/// Those that there are, by area, largest first.
+std::vector<Facing> facings_of(const TriangleSet &set) {
+    std::vector<Facing> facings(3 * bins * bins);
+    const std::size_t stride = 1 + set.valid.size() / looked_at;
+    for (std::size_t i = 0; i < set.valid.size(); i += stride) {
+        const std::uint32_t id = set.valid[i];
+        const Vec3d normal = scaled_normal(set.triangles[id]);
+        const double area = norm(normal);
+        if (!(area > 0)) // too small for its normal to be computed
+            continue;
+        Facing &facing = facings[bin_of(make_direction(normal))];
+        facing.area += area;
+        if (area > facing.largest_area) {
+            facing.largest_area = area;
+            facing.largest = id;
+            facing.normal = normal * (1 / area);
+        }
+    }
+    facings.erase(std::remove_if(facings.begin(), facings.end(), [](const Facing &f) { return f.area == 0; }),
+                  facings.end());
+    std::stable_sort(facings.begin(), facings.end(), [](const Facing &x, const Facing &y) { return x.area > y.area; });
+    return facings;
+}
+
+using Axes = std::array<Vec3d, 3>;
+
+constexpr Axes users_axes{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+
+/// Times the vector's length.
+double largest_cosine(const Axes &axes, const Vec3d &v) {
+    return std::max({std::abs(dot(axes[0], v)), std::abs(dot(axes[1], v)), std::abs(dot(axes[2], v))});
+}
+
+double area_along(const Axes &axes, const std::vector<Facing> &facings) {
+    double area = 0;
+    for (const Facing &facing : facings)
+        area += largest_cosine(axes, facing.normal) >= axis_cosine ? facing.area : 0;
+    return area;
+}
+
+/// `first`, of length 1, and what is perpendicular to it of `second`, which is not along it.
+Axes axes_from(const Vec3d &first, const Vec3d &second) {
+    const Vec3d across = second - first * dot(first, second);
+    const Vec3d unit = across * (1 / norm(across));
+    return {first, unit, cross(first, unit)};
+}
+
+Vec3d longest_edge(const Triangle &t) {
+    const Vec3d a = to_double(t.a), b = to_double(t.b), c = to_double(t.c);
+    return std::max({b - a, c - b, a - c}, [](const Vec3d &x, const Vec3d &y) { return dot(x, x) < dot(y, y); });
+}
+
+bool are_users(const Axes &axes) {
+    return std::all_of(axes.begin(), axes.end(), [](const Vec3d &axis) { return make_direction(axis).is_axis(); });
+}
+
+} // namespace
+
+Orientation::Orientation(const Axes &axes, const Vec3d &origin) : m_turns(true) {
+    for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t k = 0; k < 3; ++k)
+            m_columns[k][i] = axes[i][k];
+        m_origin[i] = origin[i];
+    }
+}
+
+Axes Orientation::axes() const {
+    Axes rows;
+    for (std::size_t i = 0; i < 3; ++i)
+        rows[i] = {m_columns[0][i], m_columns[1][i], m_columns[2][i]};
+    return rows;
+}
+
+Vec3d Orientation::seen(const Vec3d &point) const {
+    const Vec3d from = point - origin();
+    const Axes rows = axes();
+    return {dot(rows[0], from), dot(rows[1], from), dot(rows[2], from)};
+}
+
+TriangleSet Orientation::seen(const TriangleSet &set) const {
+    const auto rounded = [&](const Vec3f &v) {
+        const Vec3d p = seen(to_double(v));
+        return Vec3f{float(p.x), float(p.y), float(p.z)};
+    };
+    TriangleSet turned;
+    turned.valid = set.valid;
+    turned.triangles.resize(set.triangles.size());
+    for (const std::uint32_t id : set.valid) {
+        const Triangle &t = set.triangles[id];
+        const Triangle own{rounded(t.a), rounded(t.b), rounded(t.c)};
+        turned.triangles[id] = own;
+        for (const Vec3f &v : {own.a, own.b, own.c})
+            turned.bounds.extend(to_double(v));
+    }
+    for (const Bounds &box : set.primitives) {
+        Bounds around;
+        for (unsigned corner = 0; corner < 8; ++corner)
+            around.extend(seen(box.corner(corner)));
+        turned.add_primitive(around);
+    }
+    return turned;
+}
+
+Plane Orientation::unseen(const Plane &plane) const {
+    const Axes rows = axes();
+    const Vec3d normal =
+        rows[0] * double(plane.normal.x) + rows[1] * double(plane.normal.y) + rows[2] * double(plane.normal.z);
+    const double offset = double(plane.offset) + dot(normal, origin());
+    const double scale = 1 / std::max({std::abs(normal.x), std::abs(normal.y), std::abs(normal.z)});
+    return {{float(normal.x * scale), float(normal.y * scale), float(normal.z * scale)}, float(offset * scale)};
+}
+
+Orientation find_orientation(const TriangleSet &set) {
+    const StandardFloats floats;
+    const std::vector<Facing> facings = facings_of(set);
+    Axes best = users_axes;
+    double best_area = area_along(users_axes, facings);
+    const auto offer = [&](const Axes &axes) {
+        if (const double area = area_along(axes, facings); area > best_area) {
+            best_area = area;
+            best = axes;
+        }
+    };
+    for (std::size_t i = 0; i < std::min(tried, facings.size()); ++i) {
+        const Facing &first = facings[i];
+        std::size_t found = 0;
+        for (const Facing &second : facings)
+            if (found < tried && std::abs(dot(first.normal, second.normal)) < perpendicular_cosine) {
+                offer(axes_from(first.normal, second.normal));
+                ++found;
+            }
+        if (found == 0)
+            offer(axes_from(first.normal, longest_edge(set.triangles[first.largest])));
+    }
+    if (are_users(best))
+        return {};
+    const Bounds bounds = Orientation(best, {0, 0, 0}).seen(set).bounds;
+    const Vec3d middle = (bounds.lower + bounds.upper) * 0.5;
+    return {best, best[0] * middle.x + best[1] * middle.y + best[2] * middle.z};
+}
+
+double axis_share(const TriangleSet &set, const Orientation &orientation) {
+    const Axes axes = orientation.axes();
+    double total = 0, aligned = 0;
+    for (const std::uint32_t id : set.valid) {
+        const Vec3d normal = scaled_normal(set.triangles[id]);
+        const double length = norm(normal);
+        total += length;
+        aligned += largest_cosine(axes, normal) >= axis_cosine * length ? length : 0;
+    }
+    return total > 0 ? aligned / total : 1;
+}
+
+} // namespace bsp
