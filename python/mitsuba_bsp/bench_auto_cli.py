@@ -11,8 +11,8 @@ from .totals import RESOLUTION, SAMPLES, SPP, TotalOptions, time_totals
 
 #: `auto`, the baselines, and the fixed trees of which one is the best.
 DEFAULT_SPECS = (
-    "auto", "native", "embree", "kd", "kd:bad_refines=0", "kd:bad_refines=0,leaf_size=64", "normals",
-    "normals:bad_refines=0", "normals:k=9", "clustered", "random", "rbsp",
+    "auto", "native", "embree", "kd", "kd:bad_refines=0", "kd:bad_refines=0,leaf_size=64", "kd:orientation=scene",
+    "normals", "normals:bad_refines=0", "normals:k=9", "clustered", "random", "rbsp",
 )  # fmt: skip
 
 
