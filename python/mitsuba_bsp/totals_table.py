@@ -10,7 +10,7 @@ from .comparison import SceneInfo
 from .expected_rays import AUTO
 from .records import Record, ResultsFolder, of
 from .spec import parse_spec, shortest
-from .speeds import NONE
+from .speeds import BASELINES, NONE
 from .text_table import TextTable
 from .totals import TotalOptions, newest_totals
 
@@ -25,8 +25,6 @@ LEGEND = (
     "`choosing` is the part of building that `auto` takes to look at the scene. A turned scene is turned as a whole, "
     "camera and lights too; its frame's time is set against that of the scene as it is."
 )
-
-_FOREIGN = ("native", "embree")
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class _Scene:
 
     def best(self, spp: int) -> str | None:
         """The fixed tree of ours that takes the least time."""
-        fixed = [spec for spec in self.specs if parse_spec(spec).name not in (AUTO, *_FOREIGN)]
+        fixed = [spec for spec in self.specs if parse_spec(spec).name not in (AUTO, *BASELINES)]
         return min(fixed, key=lambda spec: median(self.totals(spec, spp)), default=None)
 
 
@@ -98,7 +96,7 @@ def _scene_table(scene: _Scene) -> TextTable:
 
 
 def _verdicts(scenes: Sequence[_Scene], spp: int) -> TextTable:
-    others = [other for other in ("kd", *_FOREIGN) if other in scenes[0].specs]
+    others = [other for other in ("kd", *BASELINES) if other in scenes[0].specs]
     rows, found = [], []
     for scene in scenes:
         best = scene.best(spp)

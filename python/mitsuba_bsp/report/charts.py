@@ -7,6 +7,7 @@ from typing import Any
 
 from ..figures import COLOURS
 from ..records import Record
+from ..speeds import BASELINES
 from .measures import Measure
 
 Chart = dict[str, Any]
@@ -99,7 +100,7 @@ def levels_chart(spec: str, levels: Sequence[Record]) -> Chart:
 
 
 def _speeds(measure: Measure, spec: str) -> str:
-    found = {name: measure.speedup(spec, name) for name in ("native", "embree")}
+    found = {name: measure.speedup(spec, name) for name in BASELINES}
     return "<br>".join(f"{speed} times as fast as {name}" for name, speed in found.items() if speed)
 
 

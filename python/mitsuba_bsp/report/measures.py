@@ -15,9 +15,6 @@ from ..studies.runs import BUILD, RENDER, Quantity
 
 _Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
 
-#: Accelerators that are not ours.
-FOREIGN = ("native", "embree")
-
 
 @dataclass(frozen=True)
 class Measure:

@@ -14,10 +14,11 @@ from typing import Any
 from ..comparison import SceneInfo
 from ..outcomes import Outcome, outcomes
 from ..records import ResultsFolder
+from ..speeds import BASELINES
 from ..text_table import TextTable
 from .anatomy import anatomy_table, trees_of
 from .charts import Chart, colour_of, levels_chart, times_chart, trade_chart
-from .measures import FOREIGN, Measure, measures
+from .measures import Measure, measures
 from .pictures import Renderings, figure_picture, renderings
 from .summary import Win, sentences, wins
 
@@ -118,7 +119,7 @@ def make_page(folders: Sequence[ResultsFolder], title: str) -> str:
         title=title,
         machines=machines,
         images=images,
-        foreign=FOREIGN,
+        foreign=BASELINES,
         style=_text("style.css"),
         script=_text("script.js"),
         plotly=get_plotlyjs(),

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from statistics import geometric_mean
 
 from ..intervals import Interval
-from .measures import FOREIGN, Measure
+from ..speeds import BASELINES
+from .measures import Measure
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def wins(measures: Sequence[Measure]) -> Iterator[Win]:
             run=measure.run,
             spec=best,
             time=measure.time(best),
-            others={name: measure.speedup(best, name) for name in FOREIGN},
+            others={name: measure.speedup(best, name) for name in BASELINES},
             second=second,
             lead=measure.speedup(best, second) if second else None,
             build_s=building.median(best) if building else None,
@@ -66,7 +67,7 @@ def sentences(found: Sequence[Win]) -> list[str]:
     for what, run in dict.fromkeys((win.what, win.run) for win in found):
         own = [win for win in found if (win.what, win.run) == (what, run)]
         parts = []
-        for name in FOREIGN:
+        for name in BASELINES:
             speeds = [speed.value for win in own if (speed := win.others[name])]
             if len(speeds) == len(own):
                 parts.append(f"{geometric_mean(speeds):.2f} times as fast as {name}")

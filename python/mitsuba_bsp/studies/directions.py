@@ -16,7 +16,7 @@ from ..inference import adjusted, finding
 from ..messages import choices
 from ..records import Record, ResultsFolder
 from ..spec import parse_spec, spec_text
-from ..speeds import NONE
+from ..speeds import BASELINES, NONE
 from ..text_table import TextTable
 from ..thesis import PUBLISHED_BY_K, SCENES_BY_K
 from .runs import RENDER, Runs, spec_of
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 DRAWN = ("random", "normals", "clustered")
 K = (3, 4, 5, 6, 7, 8, 9, 10, 13, 16)
 KDOP_K, SPIRAL_K = (3, 7, 9, 13), range(4, 17)
-BASELINES = ("native", "embree")
 
 #: Inches that a label takes in the figure's legend, and by how much of a k curves are drawn apart.
 _LABEL, _APART = 2.4, 0.07

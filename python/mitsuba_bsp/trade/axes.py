@@ -6,9 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 from ..spec import Value, parse_spec, spec_text
-
-#: Mitsuba's own accelerators, which the trees are drawn beside.
-INCUMBENTS = ("native", "embree", "embree:robust=true")
+from ..verification.subjects import INCUMBENTS
 
 #: Trees that are varied, unless the user says otherwise.
 TREES = ("kd", "normals")

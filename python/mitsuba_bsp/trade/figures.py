@@ -10,8 +10,8 @@ from ..figures import COLOURS, GUIDE, new_figure, plain
 from ..records import Record
 from ..spec import Spec
 from ..studies.runs import Runs, spec_of
-from .axes import INCUMBENTS
-from .found import REFERENCES, families, front, points, typical, work_per_ray, worst
+from ..verification.subjects import INCUMBENTS
+from .found import REFERENCES, families, front, points, time_of, typical, work_per_ray, worst
 from .speeds import RAYS
 from .tables import ordered
 
@@ -170,8 +170,6 @@ def _added_steps(runs: Runs, scene: str, tree: str, kind: str) -> float | None:
 
 
 def _added_time(runs: Runs, scene: str, tree: str, kind: str) -> float | None:
-    from .found import time_of
-
     ratios = runs.ratios(scene, tree, f"{tree}:precision=fast", time_of((kind,), kind))
     return median(ratios) if ratios else None
 

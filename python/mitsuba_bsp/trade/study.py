@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from ..messages import choices, hint
 from ..studies.study import Cell, Study, StudyOptions
 from ..terminal import positive
+from ..verification.subjects import INCUMBENTS
 from ..verification.subjects import trees as all_trees
-from .axes import AXES, INCUMBENTS, TREES, all_specs, moved
+from .axes import AXES, TREES, all_specs, moved
 from .figures import make_figures
 from .tables import make_tables
 

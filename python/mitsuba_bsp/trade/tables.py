@@ -11,7 +11,8 @@ from ..speeds import NONE
 from ..streams import KINDS
 from ..studies.runs import Quantity, Runs, spec_of
 from ..text_table import TextTable
-from .axes import INCUMBENTS, TREES, UNCAPPED, all_specs
+from ..verification.subjects import INCUMBENTS
+from .axes import AXES, TREES, UNCAPPED, all_specs
 from .failures import DISTANCES
 from .found import (
     BUILD,
@@ -68,8 +69,6 @@ def make_tables(rows: Sequence[Record]) -> list[TextTable]:
 
 def ordered(runs: Runs) -> list[str]:
     """The specs that were measured, in the order of the plan."""
-    from .axes import AXES
-
     return runs.ordered(all_specs(TREES, list(AXES), True))
 
 

@@ -20,6 +20,7 @@ MORE = {
     "normals": ("k=3", "k=32", "axes=none,k=1", "leaf_size=64", "max_depth=3"),
 }
 
+#: What Mitsuba itself traces with.
 INCUMBENTS = ("native", "embree", "embree:robust=true")
 
 
