@@ -110,15 +110,8 @@ def _warm_up(options: BuildOptions, turn: _Turn, listener: Listener) -> None:
 
 
 def _job(options: BuildOptions, turn: _Turn) -> Job:
-    return Job(
-        kind="grow" if turn.size else "build",
-        scene=str(turn.scene.path),
-        variant=options.variant,
-        spec=turn.spec.text,
-        params=options.params,
-        threads=options.threads,
-        triangles=turn.size or 0,
-    )
+    kind = "grow" if turn.size else "build"
+    return options.job(kind, turn.scene.path, spec=turn.spec.text, triangles=turn.size or 0)
 
 
 def _origin(options: BuildOptions, turn: _Turn) -> Record:

@@ -14,7 +14,7 @@ from typing import Any
 
 from .asked import begin
 from .attempts import Attempts
-from .comparison import SEED, Failure, Listener, Options, SceneInfo, context, image_header
+from .comparison import Failure, Listener, Options, SceneInfo, context, image_header
 from .differences import Differences
 from .jobs import Job, JobResult, Kind
 from .preflight import preflight
@@ -41,16 +41,10 @@ class _Run:
 
     def job(self, scene: SceneInfo, spec: Spec, kind: Kind) -> Job:
         image = str(self.folder.image(scene.name, spec.text)) if kind == "count" else ""
-        return Job(
-            kind=kind,
-            scene=str(scene.path),
-            variant=self.options.variant,
+        return self.options.job(
+            kind,
+            scene.path,
             spec=spec.text,
-            params=self.options.params,
-            spp=self.options.spp,
-            resolution=self.options.resolution,
-            seed=SEED,
-            threads=self.options.threads,
             image=image,
             header=image_header(scene, spec) if image else {},
             cache=str(self.options.cache or ""),

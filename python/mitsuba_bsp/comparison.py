@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+from .jobs import Job, Kind
 from .machine import describe
 from .provenance import made_by
 from .records import Record
@@ -38,6 +39,18 @@ class Options:
     repeats: int = MIN_REPEATS
     cache: Path | None = None
     command: str = "compare"
+
+    def job(self, kind: Kind, scene: Path, **more: Any) -> Job:
+        """A job in one of the scenes; `more` are fields of it that these options do not say, or say otherwise."""
+        own = {
+            "variant": self.variant,
+            "params": self.params,
+            "spp": self.spp,
+            "resolution": self.resolution,
+            "seed": SEED,
+            "threads": self.threads,
+        }
+        return Job(kind, str(scene), **{**own, **more})
 
 
 @dataclass(frozen=True)

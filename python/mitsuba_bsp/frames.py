@@ -1,44 +1,22 @@
-"""Time whole frames of scenes, one scene after the other, into one resumable folder.
-
-A scene is finished when all its runs are in `records.jsonl`; they are written together, marked with the time at which
-the measurement began. An interrupted scene is measured again.
-"""
+"""Time whole frames of scenes, one scene after the other, into one resumable folder (`bench render`)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Any
 
-from .asked import begin
-from .attempts import Attempts
-from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
+from .comparison import Failure, Listener, Options, SceneInfo
 from .jobs import FREE, Job
-from .preflight import preflight
-from .records import Record, ResultsFolder, append, newest_run, of
+from .per_scene import measure_scenes
+from .records import Record, ResultsFolder, newest_run, of
 
 #: Frames of this size and this many samples per pixel are timed, unless the user says otherwise.
 RESOLUTION, SPP = 256, 4
 
 
 def time_scenes(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
-    """Time the scenes that are not finished yet; returns all scenes and what failed.
-
-    ValueError for anything wrong with the input, raised before the first job.
-    """
-    folder = ResultsFolder(options.out)
-    attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="trace rays in")
-    begin(folder, options, scenes)
-    todo = [scene for scene in scenes if not newest_frames(folder, options, scene)]
-    listener.start(scenes, len(scenes), len(scenes) - len(todo))
-    for scene in todo:
-        started = datetime.now().isoformat(timespec="seconds")
-        result = attempts.run(scene, "frames", _job(folder, options, scene), f"{scene.name}: frames")
-        if result:
-            rows = (_row(options, scene, started, result.values, timed) for timed in result.values["runs"])
-            append(folder.records_file, *rows)
-    return scenes, attempts.failures
+    """Time the scenes that are not finished yet; see `measure_scenes`."""
+    return measure_scenes(options, listener, newest_frames, _job, _rows)
 
 
 def contenders(options: Options) -> list[str]:
@@ -48,39 +26,32 @@ def contenders(options: Options) -> list[str]:
 
 def newest_frames(folder: ResultsFolder, options: Options, scene: SceneInfo) -> list[Record]:
     """The records of the last measurement of a scene that has all the runs asked for; empty if there is none."""
-    return newest_run(of(folder.records(), scene=scene.name), "started", contenders(options), options.repeats)
+    wanted = {(name, repeat) for name in contenders(options) for repeat in range(options.repeats)}
+    return newest_run(of(folder.records(), scene=scene.name), "started", wanted, ("spec", "repeat"))
 
 
-def _job(folder: ResultsFolder, options: Options, scene: SceneInfo) -> Job:
-    return Job(
-        kind="frames",
-        scene=str(scene.path),
-        variant=options.variant,
-        params=options.params,
-        spp=options.spp,
-        resolution=options.resolution,
-        seed=SEED,
-        threads=options.threads,
+def _job(options: Options, scene: SceneInfo) -> Job:
+    return options.job(
+        "frames",
+        scene.path,
         specs=[spec.text for spec in options.specs],
         repeats=options.repeats,
-        streams=str((folder.path / f"{scene.name}.rays").absolute()),
+        streams=str((options.out / f"{scene.name}.rays").absolute()),
     )
 
 
-def _row(
-    options: Options, scene: SceneInfo, started: str, values: Mapping[str, Any], timed: Mapping[str, Any]
-) -> Record:
-    """One line of `records.jsonl`."""
-    name = timed["spec"]
-    return {
-        **context(options, scene),
-        "started": started,
-        "spec": name,
-        "spec_full": next((spec.full for spec in options.specs if spec.text == name), name),
-        "repeat": timed["repeat"],
-        "wall_s": timed["wall_s"],
-        "cpu_s": timed["cpu_s"],
-        # The processor's time is that of the frame where nothing else, and nobody waiting, can be part of it.
-        "frame_s": timed["cpu_s" if options.threads == 1 else "wall_s"],
-        "image_difference": values["images"][name],
-    }
+def _rows(options: Options, values: Mapping[str, Any]) -> list[Record]:
+    full = {spec.text: spec.full for spec in options.specs}
+    return [
+        {
+            "spec": run["spec"],
+            "spec_full": full.get(run["spec"], run["spec"]),
+            "repeat": run["repeat"],
+            "wall_s": run["wall_s"],
+            "cpu_s": run["cpu_s"],
+            # The processor's time is that of the frame where nothing else, and nobody waiting, can be part of it.
+            "frame_s": run["cpu_s" if options.threads == 1 else "wall_s"],
+            "image_difference": values["images"][run["spec"]],
+        }
+        for run in values["runs"]
+    ]

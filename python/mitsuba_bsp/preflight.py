@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from .comparison import SEED, Options, SceneInfo, context
-from .jobs import Job, JobError, run_job
+from .comparison import Options, SceneInfo, context
+from .jobs import JobError, run_job
 from .messages import choices
 from .records import ResultsFolder, check_context
 from .scene_content import Content, notes
@@ -54,18 +54,8 @@ def _named(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
 
 def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None]) -> SceneInfo:
     """Load a scene in a child process; ValueError if that fails."""
-    job = Job(
-        kind="inspect",
-        scene=str(path),
-        variant=options.variant,
-        params=options.params,
-        spp=options.spp,
-        resolution=options.resolution,
-        seed=SEED,
-        threads=options.threads,
-    )
     try:
-        result = run_job(job)
+        result = run_job(options.job("inspect", path))
     except JobError as error:
         raise ValueError(str(error)) from None
     scene = SceneInfo(name, path, **{**result.values, "content": Content(**result.values["content"])})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -119,18 +119,18 @@ def of(rows: Sequence[Record], **fields: object) -> list[Record]:
     return [row for row in rows if all(row[key] == value for key, value in fields.items())]
 
 
-def newest_run(rows: Sequence[Record], mark: str, names: Sequence[str], repeats: int) -> list[Record]:
-    """The records of the last measurement that has all repetitions of all specs called `names`; empty if none has.
+def newest_run(rows: Sequence[Record], mark: str, wanted: Set[tuple[object, ...]], key: Sequence[str]) -> list[Record]:
+    """The wanted records of the last measurement that has them all; empty if none has.
 
-    What was measured together has the same value of the field `mark`.
+    What was measured together has the same value of the field `mark`; `key` are the fields whose values are `wanted`.
     """
     measurements: dict[object, list[Record]] = {}
     for row in rows:
         measurements.setdefault(row[mark], []).append(row)
-    wanted = {(name, repeat) for name in names for repeat in range(repeats)}
     for found in reversed(measurements.values()):
-        if wanted <= {(row["spec"], row["repeat"]) for row in found}:
-            return [row for row in found if (row["spec"], row["repeat"]) in wanted]
+        keys = [tuple(row[name] for name in key) for row in found]
+        if wanted <= set(keys):
+            return [row for row, own in zip(found, keys, strict=True) if own in wanted]
     return []
 
 

@@ -14,8 +14,8 @@ from typing import Any
 
 from .asked import begin
 from .attempts import Attempts
-from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
-from .jobs import Job, JobResult
+from .comparison import Failure, Listener, Options, SceneInfo, context
+from .jobs import Job, JobResult, Kind
 from .machine import available_threads
 from .preflight import preflight
 from .records import Record, ResultsFolder, append, newest_run, of
@@ -44,17 +44,8 @@ class _Run:
     folder: ResultsFolder
     attempts: Attempts
 
-    def job(self, scene: SceneInfo, **more: Any) -> Job:
-        return Job(
-            scene=str(scene.path),
-            variant=self.options.variant,
-            params=self.options.params,
-            spp=self.options.spp,
-            resolution=self.options.resolution,
-            seed=SEED,
-            streams=str(streams_file(self.folder, scene)),
-            **more,
-        )
+    def job(self, kind: Kind, scene: SceneInfo, **more: Any) -> Job:
+        return self.options.job(kind, scene.path, streams=str(streams_file(self.folder, scene)), **more)
 
     def attempt(self, scene: SceneInfo, job: Job) -> JobResult | None:
         """Run a job; a failure is recorded and the next scene has its turn."""
@@ -92,14 +83,15 @@ def record_streams(options: RayOptions, folder: ResultsFolder, attempts: Attempt
         attempts.listener.finish()
         return True
     run = _Run(options, attempts.listener, folder, attempts)
-    job = run.job(scene, kind="record", threads=1, max_rays=options.max_rays, header=origin)
+    job = run.job("record", scene, threads=1, max_rays=options.max_rays, header=origin)
     return run.attempt(scene, job) is not None
 
 
 def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) -> list[Record]:
     """The records of the last replay of a scene that has all the runs that are asked for; empty if there is none."""
     rows = of(folder.records(), scene=scene.name, max_rays=options.max_rays)
-    return newest_run(rows, "replay", [spec.text for spec in options.specs], options.repeats)
+    wanted = {(spec.text, repeat) for spec in options.specs for repeat in range(options.repeats)}
+    return newest_run(rows, "replay", wanted, ("spec", "repeat"))
 
 
 def _replay(run: _Run, scene: SceneInfo) -> None:
@@ -107,7 +99,7 @@ def _replay(run: _Run, scene: SceneInfo) -> None:
     started = datetime.now().isoformat(timespec="seconds")
     specs = [spec.text for spec in run.options.specs]
     # All threads build; rays are traced on one.
-    job = run.job(scene, kind="replay", threads=available_threads(), specs=specs, repeats=run.options.repeats)
+    job = run.job("replay", scene, threads=available_threads(), specs=specs, repeats=run.options.repeats)
     result = run.attempt(scene, job)
     if result is None:
         return

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from .asked import begin
 from .attempts import Attempts
-from .comparison import SEED, Failure, Listener, Options, SceneInfo, context
-from .jobs import Job
+from .comparison import Failure, Listener, Options, SceneInfo, context
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
 
@@ -129,17 +128,7 @@ def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo],
     todo = [(scene, spec) for scene, spec in frames if (scene.name, spec.text) not in done]
     listener.start(scenes, len(frames), len(frames) - len(todo))
     for scene, spec in todo:
-        job = Job(
-            kind="count",
-            scene=str(scene.path),
-            variant=options.variant,
-            spec=spec.text,
-            params=options.params,
-            spp=options.spp,
-            resolution=options.resolution,
-            seed=SEED,
-            threads=options.threads,
-        )
+        job = options.job("count", scene.path, spec=spec.text)
         result = attempts.run(scene, spec.text, job, f"{scene.name}: {spec.text}")
         if result:
             row = {**context(options, scene), "spec": spec.text, "spec_full": spec.full, **result.values}
