@@ -113,8 +113,8 @@ def _colours(scene: mi.Scene, pixels: NDArray[np.float64]) -> NDArray[np.float64
 def _reference(job: Job, stage: Callable[[str], None]) -> NDArray[np.float64]:
     """From the file that the accelerators of a scene share; the first one makes it."""
     passes = int(job.choices["reference_passes"])
-    side, name = job.resolution or 0, Path(job.scene).stem
-    file = Path(job.arrays).parent / "reference" / f"{name}-{side}-{passes * (job.spp or 1)}.npz"
+    side, name, made_of = job.resolution or 0, Path(job.scene).stem, job.header.get("scene_hash", "")[:12]
+    file = Path(job.arrays).parent / "reference" / f"{name}-{side}-{passes * (job.spp or 1)}-{made_of}.npz"
     if not file.is_file():
         scene, _ = construct(replace(job, spec=REFERENCE_SPEC), load(job, stage, box=True), stage)
         total = 0.0

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..asked import begin
 from ..attempts import Attempts
-from ..comparison import SEED, Failure, Listener, Options, SceneInfo, context, image_header
+from ..comparison import Failure, Listener, Options, SceneInfo, context, image_header
 from ..jobs import Job, Kind
 from ..machine import available_threads
 from ..preflight import preflight
@@ -160,18 +160,13 @@ def _rounds(scenes: Sequence[SceneInfo], cells: Sequence[Cell]) -> list[_Turn]:
 def _job(options: StudyOptions, folder: ResultsFolder, turn: _Turn) -> Job:
     measure = turn.cell.measure
     keeps_pixels = measure == "work" and options.choices.get("keep_pixels", False)
-    return Job(
-        kind=measure,
-        scene=str(turn.scene.path),
-        variant=options.variant,
+    return options.job(
+        measure,
+        turn.scene.path,
         spec=turn.spec.text,
-        params=options.params,
-        spp=options.spp,
-        resolution=options.resolution,
-        seed=SEED,
         threads=options.threads if measure in _TIMED else available_threads(),
         image=str(folder.image(turn.scene.name, turn.spec.text).absolute()) if keeps_pixels else "",
-        header=image_header(turn.scene, turn.spec) if keeps_pixels else {},
+        header=image_header(turn.scene, turn.spec),
         arrays=str(arrays_file(folder, measure, turn.scene.name, turn.spec.text).absolute()),
         choices=options.choices,
     )

@@ -62,7 +62,8 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
 def _recorded(job: Job, stage: Callable[[str], None]) -> list[Stream]:
     """The rays of one frame; the first accelerator of a scene that comes here has them recorded for all."""
     file = Path(job.arrays).parent.parent / "rays" / f"{Path(job.scene).stem}.npz"
-    origin = {"spp": job.spp, "resolution": job.resolution, "seed": job.seed, "max_rays": job.choices["max_rays"]}
+    asked = {"spp": job.spp, "resolution": job.resolution, "seed": job.seed, "max_rays": job.choices["max_rays"]}
+    origin = {**asked, "variant": job.variant, "scene_hash": job.header.get("scene_hash")}
     if not is_recorded(file, origin):
         file.parent.mkdir(parents=True, exist_ok=True)
         record(replace(job, streams=str(file), max_rays=int(job.choices["max_rays"]), header=origin), stage)
