@@ -1,12 +1,27 @@
-"""Run the jobs of a measurement one by one, so that one that fails leaves the others their turn."""
+"""The jobs of a measurement on their way into one folder: one that fails leaves the others their turn."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, field
+from typing import TypeVar
 
 from .comparison import Failure, Listener, SceneInfo
-from .jobs import Job, JobError, JobResult, run_job
+from .jobs import Job, JobError, JobResult
 from .records import ResultsFolder, append
+from .scheduling import Local, Scheduler
+
+Turn = TypeVar("Turn")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A job in a scene; `what` is the spec, or what else of it the job is about, `label` what the bar calls it."""
+
+    scene: SceneInfo
+    what: str
+    job: Job
+    label: str
 
 
 @dataclass
@@ -15,28 +30,26 @@ class Attempts:
 
     folder: ResultsFolder
     listener: Listener
+    scheduler: Scheduler = field(default_factory=Local)
     failures: list[Failure] = field(default_factory=list)
     _said: set[str] = field(default_factory=set)
 
-    def run(self, scene: SceneInfo, what: str, job: Job, label: str) -> JobResult | None:
-        """Run one job, pass on its warnings, each once; None if it failed, which is written down.
+    def run(self, turns: Iterable[Turn], attempt: Callable[[Turn], Attempt]) -> Iterator[tuple[Turn, JobResult]]:
+        """Run the job of every turn; each turn with its result, as they finish.
 
-        `what` is the spec, or what else of the scene the job is about; `label` is how the progress bar calls the job.
+        Warnings are passed on, each once; what failed is left out, and written down.
         """
-        self.listener.begin(label)
-        try:
-            result = run_job(job, lambda stage: self.listener.begin(f"{label} {_short(stage)}"))
-        except JobError as error:
-            failure = Failure(scene.name, what, str(error))
-            self.failures.append(failure)
-            append(self.folder.failures_file, asdict(failure))
-            self.listener.fail(failure)
-            return None
-        finally:
+        turns = list(turns)
+        attempts = [attempt(turn) for turn in turns]
+        jobs = [(own.label, own.job) for own in attempts]
+        for place, outcome in self.scheduler.run(jobs, self.listener.begin, self.note):
+            if isinstance(outcome, JobError):
+                self._fail(attempts[place], outcome)
+                continue
             self.listener.finish()
-        for text in result.warnings:
-            self.note(f"{scene.name}: {text}")
-        return result
+            for text in outcome.warnings:
+                self.note(f"{attempts[place].scene.name}: {text}")
+            yield turns[place], outcome
 
     def note(self, text: str) -> None:
         """Tell the user something, once."""
@@ -44,8 +57,9 @@ class Attempts:
             self._said.add(text)
             self.listener.note(text)
 
-
-def _short(stage: str) -> str:
-    """What a worker does, in a word, and how far it is if it says so: (building 42%)."""
-    words = stage.split()
-    return f"({words[0]} {words[-1]})" if stage.endswith("%") else f"({words[0]})"
+    def _fail(self, own: Attempt, error: JobError) -> None:
+        failure = Failure(own.scene.name, own.what, str(error))
+        self.failures.append(failure)
+        append(self.folder.failures_file, asdict(failure))
+        self.listener.fail(failure)
+        self.listener.finish()

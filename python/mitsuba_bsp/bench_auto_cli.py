@@ -6,7 +6,7 @@ import argparse
 
 from .bench_cli import add_frame_options, add_scene_options, frame_options, run_with_bar, show
 from .comparison import MIN_REPEATS
-from .terminal import add_threads_option, chosen_scenes, positive
+from .terminal import add_scheduler_option, add_threads_option, chosen_scenes, positive
 from .totals import RESOLUTION, SAMPLES, SPP, TotalOptions, time_totals
 
 #: `auto`, the baselines, and the fixed trees of which one is the best.
@@ -35,6 +35,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     sub.add_argument("--turned", type=int, metavar="SEED", help="time the scene turned by a random rotation as well")
     add_threads_option(sub)
+    add_scheduler_option(sub)
     sub.set_defaults(run=_bench_auto)
 
 
@@ -43,7 +44,7 @@ def _bench_auto(args: argparse.Namespace) -> int:
     fields = frame_options(args, chosen_scenes(args.scenes), "bench-auto", MIN_REPEATS, args.specs)
     samples = tuple(sorted(set(args.samples)))
     options = TotalOptions(**fields, threads=args.threads, samples=samples, turned=args.turned)
-    bar, status = run_with_bar(options, time_totals)
+    bar, status = run_with_bar(options, time_totals, args.scheduler)
     if bar.scenes:
         show(options.out)
     return status

@@ -13,7 +13,7 @@ from .builds import BuildOptions, measure_builds
 from .growth import SIZES
 from .records import ResultsFolder
 from .spec import Spec, parse_spec
-from .terminal import add_threads_option, chosen_scenes, positive, say
+from .terminal import add_scheduler_option, add_threads_option, chosen_scenes, positive, say
 
 DEFAULT_SPECS = ("native", "kd", "normals", "clustered", "random", "rbsp", "ize")
 GROWTH_SPECS = ("kd", "normals")
@@ -48,13 +48,14 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         metavar="N",
         help=f"triangles, only with --growth; default: {' '.join(map(str, SIZES))}",
     )
+    add_scheduler_option(sub)
     sub.set_defaults(run=_bench_build)
 
 
 def _bench_build(args: argparse.Namespace) -> int:
     """`mitsuba-bsp bench build`."""
     options = _options(args)
-    bar, status = run_with_bar(options, measure_builds)
+    bar, status = run_with_bar(options, measure_builds, args.scheduler)
     rows = ResultsFolder(options.out).records() if bar.scenes else []
     if any(row["peak_build_bytes"] is None for row in rows):
         say("note", NO_PEAK, "yellow")

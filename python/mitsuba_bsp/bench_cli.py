@@ -11,6 +11,7 @@ from typing import Any
 from .comparison import Listener, Options
 from .outcomes import failures, write_outcomes
 from .records import ResultsFolder
+from .scheduling import Scheduler, scheduler_at
 from .spec import parse_spec
 from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, add_loading_options, out, positive, say
 from .text_table import print_text_tables
@@ -61,11 +62,14 @@ def frame_options(
     }
 
 
-def run_with_bar(options: Options, measure: Callable[[Any, Listener], object]) -> tuple[ProgressBar, int]:
-    """Measure with a progress bar; what it has seen, and the exit status."""
+def run_with_bar(
+    options: Options, measure: Callable[[Any, Listener, Scheduler], object], address: str | None = None
+) -> tuple[ProgressBar, int]:
+    """Measure with a progress bar, here or on the cluster at `address`; what the bar has seen, and the exit status."""
     with ProgressBar() as bar:
         try:
-            measure(options, bar)
+            with scheduler_at(address) as scheduler:
+                measure(options, bar, scheduler)
             status = JOB_FAILED if bar.failures else OK
         except KeyboardInterrupt:
             status = INTERRUPTED

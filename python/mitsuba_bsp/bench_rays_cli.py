@@ -18,7 +18,7 @@ from .bench_cli import (
 from .bench_rays_table import NO_MISSES
 from .records import ResultsFolder
 from .replays import RESOLUTION, SPP, RayOptions, replay_scenes
-from .terminal import chosen_scenes, positive, say
+from .terminal import add_scheduler_option, chosen_scenes, positive, say
 
 
 def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -26,6 +26,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     sub = kinds.add_parser("rays", help="replay the rays of a rendered frame on one thread, straight into each tree")
     add_spec_option(sub)
     add_ray_options(sub, repeats=MIN_REPEATS, max_rays=RayOptions.max_rays)
+    add_scheduler_option(sub)
     sub.set_defaults(run=_bench_rays)
 
 
@@ -52,7 +53,7 @@ def ray_options(
 def _bench_rays(args: argparse.Namespace) -> int:
     """`mitsuba-bsp bench rays`."""
     options = ray_options(args, chosen_scenes(args.scenes), "bench-rays", MIN_REPEATS, args.specs)
-    bar, status = run_with_bar(options, replay_scenes)
+    bar, status = run_with_bar(options, replay_scenes, args.scheduler)
     if bar.scenes:
         if any(row["cache_misses"] is None for row in ResultsFolder(options.out).records()):
             say("note", NO_MISSES, "yellow")

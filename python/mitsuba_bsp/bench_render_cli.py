@@ -15,7 +15,7 @@ from .bench_cli import (
 )
 from .comparison import Options
 from .frames import RESOLUTION, SPP, time_scenes
-from .terminal import add_threads_option, chosen_scenes
+from .terminal import add_scheduler_option, add_threads_option, chosen_scenes
 
 
 def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -25,6 +25,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     add_scene_options(sub)
     add_frame_options(sub, MIN_REPEATS, SPP, RESOLUTION)
     add_threads_option(sub)
+    add_scheduler_option(sub)
     sub.set_defaults(run=_bench_render)
 
 
@@ -32,7 +33,7 @@ def _bench_render(args: argparse.Namespace) -> int:
     """`mitsuba-bsp bench render`."""
     fields = frame_options(args, chosen_scenes(args.scenes), "bench-render", MIN_REPEATS, args.specs)
     options = Options(**fields, threads=args.threads, command="bench render")
-    bar, status = run_with_bar(options, time_scenes)
+    bar, status = run_with_bar(options, time_scenes, args.scheduler)
     if bar.scenes:
         show(options.out)
     return status

@@ -9,7 +9,7 @@ from pathlib import Path
 from .bench_cli import add_scene_options, run_with_bar, show
 from .comparison import Options
 from .spec import parse_spec
-from .terminal import add_threads_option, chosen_scenes, positive
+from .terminal import add_scheduler_option, add_threads_option, chosen_scenes, positive
 from .thesis import BASELINE, SPECS, count_frames
 
 
@@ -23,6 +23,7 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
     sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
     add_threads_option(sub)
+    add_scheduler_option(sub)
     sub.set_defaults(run=_bench_thesis)
 
 
@@ -43,7 +44,7 @@ def _bench_thesis(args: argparse.Namespace) -> int:
         resolution=args.resolution,
         command="bench thesis",
     )
-    bar, status = run_with_bar(options, count_frames)
+    bar, status = run_with_bar(options, count_frames, args.scheduler)
     if bar.scenes:
         show(options.out)
     return status

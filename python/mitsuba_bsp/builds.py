@@ -1,23 +1,22 @@
 """Build accelerators again and again, each time in a fresh process, into one resumable folder.
 
 The runs go in rounds that hold every scene, size and spec once, each round in a shuffled order. Before its first run a
-scene is built once for nothing, to fill the system's caches of its files and of the libraries.
+scene is built once for nothing (`scheduling.run_warmed_up`).
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .asked import begin
-from .attempts import Attempts
+from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .growth import sizes_from
-from .jobs import Job, JobError, run_job
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
+from .scheduling import Local, Scheduler
 from .spec import Spec
 
 SHUFFLE_SEED = 20_240_607
@@ -50,27 +49,23 @@ class _Turn:
         return f"{self.scene.name}{size}: {self.spec.text}, run {self.repeat + 1}"
 
 
-def measure_builds(options: BuildOptions, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def measure_builds(
+    options: BuildOptions, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Make the runs that are not in the folder yet; returns the scenes and what failed.
 
     ValueError for anything wrong with the input, raised before the first run.
     """
     folder = ResultsFolder(options.out)
-    attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="build a tree over")
+    attempts = Attempts(folder, listener, scheduler or Local())
+    scenes = preflight(options, attempts, images=False, meshes_to="build a tree over")
     turns = [turn for repeat in range(options.repeats) for turn in _round(options, scenes, repeat)]
     begin(folder, options, scenes)
     done = {(row["scene"], row["size"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
     listener.start(scenes, len(turns), len(turns) - len(todo))
-    warm: set[str] = set()
-    for turn in todo:
-        if turn.scene.name not in warm:
-            warm.add(turn.scene.name)
-            _warm_up(options, turn, listener)
-        result = attempts.run(turn.scene, turn.spec.text, _job(options, turn), turn.label)
-        if result:
-            append(folder.records_file, {**_origin(options, turn), **result.values})
+    for turn, result in attempts.run(todo, lambda turn: _attempt(options, turn)):
+        append(folder.records_file, {**_origin(options, turn, result.machine), **result.values})
     return scenes, attempts.failures
 
 
@@ -102,22 +97,16 @@ def _round(options: BuildOptions, scenes: Sequence[SceneInfo], repeat: int) -> l
     return random.Random(SHUFFLE_SEED + repeat).sample(turns, len(turns))
 
 
-def _warm_up(options: BuildOptions, turn: _Turn, listener: Listener) -> None:
-    """A run that nobody measures; should it fail, the same run says so when it counts."""
-    listener.begin(f"{turn.scene.name}: warming up")
-    with suppress(JobError):
-        run_job(_job(options, turn))
-
-
-def _job(options: BuildOptions, turn: _Turn) -> Job:
+def _attempt(options: BuildOptions, turn: _Turn) -> Attempt:
     kind = "grow" if turn.size else "build"
-    return options.job(kind, turn.scene.path, spec=turn.spec.text, triangles=turn.size or 0)
+    job = options.job(kind, turn.scene.path, spec=turn.spec.text, triangles=turn.size or 0)
+    return Attempt(turn.scene, turn.spec.text, job, turn.label)
 
 
-def _origin(options: BuildOptions, turn: _Turn) -> Record:
+def _origin(options: BuildOptions, turn: _Turn, machine: Mapping[str, str]) -> Record:
     """What was built; the size is what was asked for."""
     return {
-        **context(options, turn.scene),
+        **context(options, turn.scene, machine),
         "size": turn.size,
         "spec": turn.spec.text,
         "spec_full": turn.spec.full,

@@ -28,16 +28,20 @@ from . import (
 from .bench_cli import add_spec_option, run_with_bar, show
 from .compare import compare
 from .comparison import MIN_REPEATS, Options
-from .jobs import Job, JobError, run_job
+from .jobs import Job, JobError, JobResult, run_job
 from .messages import one_sentence
+from .passes import PASSES, render_in_passes
 from .provenance import made_by
 from .scene_content import Content, notes
+from .scheduling import scheduler_at
 from .spec import parse_spec, value_text
 from .terminal import (
     BAD_INPUT,
     INTERRUPTED,
     OK,
+    ProgressBar,
     add_loading_options,
+    add_scheduler_option,
     add_threads_option,
     chosen_scenes,
     err,
@@ -78,6 +82,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--spec", default="auto", metavar="SPEC", help="default: %(default)s")
     sub.add_argument("-o", "--output", type=Path, required=True, metavar="IMAGE", help="an .exr or .png file")
     sub.add_argument("--seed", type=_seed, default=0, metavar="N", help="default: %(default)s")
+    sub.add_argument(
+        "--passes",
+        type=positive,
+        metavar="N",
+        help="split the samples into passes with seeds of their own, each on one thread, for the same pixels here and "
+        f"on any cluster; default: none, all threads; with --scheduler {PASSES}",
+    )
     _add_render_options(sub)
     sub.set_defaults(run=_render)
 
@@ -104,6 +115,7 @@ def _add_render_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--spp", type=positive, metavar="N", help="samples per pixel, default: the scene's")
     sub.add_argument("--resolution", type=positive, metavar="N", help="longer side in pixels, default: the scene's")
     add_threads_option(sub)
+    add_scheduler_option(sub)
     sub.add_argument(
         "--cache", type=Path, metavar="DIR", help="keep built trees there and load them; default: build every time"
     )
@@ -131,7 +143,7 @@ def _compare(args: argparse.Namespace) -> int:
         repeats=args.repeats,
         cache=args.cache,
     )
-    bar, status = run_with_bar(options, compare)
+    bar, status = run_with_bar(options, compare, args.scheduler)
     if bar.scenes:
         show(options.out)
     return status
@@ -158,11 +170,10 @@ def _render(args: argparse.Namespace) -> int:
         header=made_by(args.scene.stem, spec),
         cache=str(args.cache or ""),
     )
-    with err.status(f"rendering {args.scene} with {spec.text}"):
-        try:
-            result = run_job(job)
-        except JobError as error:
-            raise ValueError(str(error)) from None
+    try:
+        result = _rendered(job, args)
+    except JobError as error:
+        raise ValueError(str(error)) from None
     said = notes(Content(**result.values["content"]), [spec.name]) if spec.plugin else []
     for note in [*said, *result.warnings]:
         say("note", note, "yellow")
@@ -176,6 +187,15 @@ def _render(args: argparse.Namespace) -> int:
         if tree.get("choice"):
             out.print(f"auto: {tree['choice']}", markup=False, soft_wrap=True)
     return OK
+
+
+def _rendered(job: Job, args: argparse.Namespace) -> JobResult:
+    """The job done at once, or in passes."""
+    if not (args.passes or args.scheduler):
+        with err.status(f"rendering {args.scene} with {job.spec}"):
+            return run_job(job)
+    with ProgressBar(f"looking at {args.scene}") as bar, scheduler_at(args.scheduler, same_bits=True) as scheduler:
+        return render_in_passes(job, args.passes, scheduler, bar)
 
 
 def _list_specs(_: argparse.Namespace) -> int:

@@ -8,17 +8,17 @@ spec once, each round in a shuffled order, so that a machine that slows down tou
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from .asked import begin
-from .attempts import Attempts
+from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context, image_header
 from .differences import Differences
 from .jobs import Job, JobResult, Kind
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
+from .scheduling import Local, Scheduler
 from .spec import Spec
 from .tree_statistics import per_ray
 
@@ -31,13 +31,8 @@ class _Run:
     """One comparison on its way."""
 
     options: Options
-    listener: Listener
     folder: ResultsFolder
     attempts: Attempts
-
-    def attempt(self, scene: SceneInfo, spec: Spec, kind: Kind, label: str) -> JobResult | None:
-        """Run one job; a failure is recorded and the comparison goes on."""
-        return self.attempts.run(scene, spec.text, self.job(scene, spec, kind), label)
 
     def job(self, scene: SceneInfo, spec: Spec, kind: Kind) -> Job:
         image = str(self.folder.image(scene.name, spec.text)) if kind == "count" else ""
@@ -51,24 +46,23 @@ class _Run:
         )
 
 
-def compare(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def compare(
+    options: Options, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Run the comparison; returns its scenes and the jobs that failed.
 
     ValueError for anything wrong with the input, raised before the first job. Everything finished is on disk at all
     times, also if KeyboardInterrupt ends the run; another run with the same folder goes on from there.
     """
     folder = ResultsFolder(options.out)
-    run = _Run(options, listener, folder, Attempts(folder, listener))
-    scenes = preflight(options, folder, run.attempts.note)
+    run = _Run(options, folder, Attempts(folder, listener, scheduler or Local()))
+    scenes = preflight(options, run.attempts)
     begin(folder, options, scenes, "images")
     todo_count, todo_time = _to_count(run, scenes), _to_time(run, scenes)
     total = len(scenes) * len(options.specs) * (options.repeats + 1)
     listener.start(scenes, total, total - len(todo_count) - len(todo_time))
-    for scene, spec in todo_count:
-        _count(run, scene, spec)
-    differences = Differences(folder, options.specs)
-    for scene, spec, repeat in todo_time:
-        _time(run, scene, spec, repeat, differences)
+    _count(run, todo_count)
+    _time(run, todo_time)
     return scenes, run.attempts.failures
 
 
@@ -90,33 +84,42 @@ def _to_time(run: _Run, scenes: Sequence[SceneInfo]) -> list[tuple[SceneInfo, Sp
     return shuffled
 
 
-def _count(run: _Run, scene: SceneInfo, spec: Spec) -> None:
-    """The untimed run with counters and image."""
-    result = run.attempt(scene, spec, "count", f"{scene.name}: {spec.text}, counters and image")
-    if result is None:
-        return
-    image = run.folder.image(scene.name, spec.text).relative_to(run.folder.path)
-    row = {
-        **context(run.options, scene),
-        "spec": spec.text,
-        "spec_full": spec.full,
-        **result.values,
-        "image": str(image),
-    }
-    append(run.folder.counters_file, row)
+def _count(run: _Run, todo: Sequence[tuple[SceneInfo, Spec]]) -> None:
+    """The untimed runs with counters and images."""
+
+    def attempt(turn: tuple[SceneInfo, Spec]) -> Attempt:
+        scene, spec = turn
+        return Attempt(
+            scene, spec.text, run.job(scene, spec, "count"), f"{scene.name}: {spec.text}, counters and image"
+        )
+
+    for (scene, spec), result in run.attempts.run(todo, attempt):
+        row = {
+            **context(run.options, scene, result.machine),
+            "spec": spec.text,
+            "spec_full": spec.full,
+            **result.values,
+            "image": str(run.folder.image(scene.name, spec.text).relative_to(run.folder.path)),
+        }
+        append(run.folder.counters_file, row)
 
 
-def _time(run: _Run, scene: SceneInfo, spec: Spec, repeat: int, differences: Differences) -> None:
-    """One timed run; skipped if the untimed run of this scene and spec failed."""
-    counted = run.folder.counted().get((scene.name, spec.text))
-    if counted is None:
-        run.listener.finish()
-        return
-    label = f"{scene.name}: {spec.text}, timed run {repeat + 1} of {run.options.repeats}"
-    result = run.attempt(scene, spec, "time", label)
-    if result is None:
-        return
-    append(run.folder.records_file, _record(run, scene, spec, repeat, result.values, counted, differences))
+def _time(run: _Run, todo: Sequence[tuple[SceneInfo, Spec, int]]) -> None:
+    """The timed runs; without those of scenes and specs whose untimed run failed."""
+    counted = run.folder.counted()
+    ready = [turn for turn in todo if (turn[0].name, turn[1].text) in counted]
+    for _ in range(len(todo) - len(ready)):
+        run.attempts.listener.finish()
+    differences = Differences(run.folder, run.options.specs)
+
+    def attempt(turn: tuple[SceneInfo, Spec, int]) -> Attempt:
+        scene, spec, repeat = turn
+        label = f"{scene.name}: {spec.text}, timed run {repeat + 1} of {run.options.repeats}"
+        return Attempt(scene, spec.text, run.job(scene, spec, "time"), label)
+
+    for (scene, spec, repeat), result in run.attempts.run(ready, attempt):
+        row = _record(run, scene, spec, repeat, result, counted[scene.name, spec.text], differences)
+        append(run.folder.records_file, row)
 
 
 def _record(
@@ -124,15 +127,16 @@ def _record(
     scene: SceneInfo,
     spec: Spec,
     repeat: int,
-    timed: Mapping[str, Any],
+    result: JobResult,
     counted: Record,
     differences: Differences,
 ) -> Record:
     """One line of `records.jsonl`."""
+    timed = result.values
     statistics, counters = dict(timed["statistics"]), counted["statistics"].get("counters", {})
     same_setup = scene.comparable and scene.box_filter
     return {
-        **context(run.options, scene),
+        **context(run.options, scene, result.machine),
         "spec": spec.text,
         "spec_full": spec.full,
         "repeat": repeat,

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from .jobs import Job, Kind
-from .machine import describe
 from .provenance import made_by
 from .records import Record
 from .scene_content import Content
@@ -112,8 +111,8 @@ class Listener(Protocol):
         """The job failed."""
 
 
-def context(options: Options, scene: SceneInfo) -> Record:
-    """What every record of a scene says about how it was made."""
+def context(options: Options, scene: SceneInfo, machine: Mapping[str, str]) -> Record:
+    """What every record of a scene says about how it was made, and on what machine."""
     return {
         "scene": scene.name,
         "scene_hash": scene.scene_hash,
@@ -126,7 +125,7 @@ def context(options: Options, scene: SceneInfo) -> Record:
         "instances": scene.content.instances,
         "threads": options.threads,
         "cache": options.cache is not None,
-        **describe(),
+        **machine,
     }
 
 

@@ -9,14 +9,17 @@ from .comparison import Failure, Listener, Options, SceneInfo
 from .jobs import FREE, Job
 from .per_scene import measure_scenes
 from .records import Record, ResultsFolder, newest_run, of
+from .scheduling import Scheduler
 
 #: Frames of this size and this many samples per pixel are timed, unless the user says otherwise.
 RESOLUTION, SPP = 256, 4
 
 
-def time_scenes(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def time_scenes(
+    options: Options, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Time the scenes that are not finished yet; see `measure_scenes`."""
-    return measure_scenes(options, listener, newest_frames, _job, _rows)
+    return measure_scenes(options, listener, newest_frames, _job, _rows, scheduler)
 
 
 def contenders(options: Options) -> list[str]:

@@ -10,14 +10,17 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from .machine import describe
 from .messages import one_sentence
 
 Kind = Literal[
     "inspect", "count", "time", "render", "blame", "record", "replay", "frames", "build", "grow",
     "totals", "work", "planes", "normals", "slice", "speed", "failures", "far", "converge",
+    "pack", "hash", "pass", "merge",
 ]  # fmt: skip
 
 #: How an accelerator that gives recorded answers is called beside the specs.
@@ -47,6 +50,8 @@ class Job:
     see the modules of these names in `studies`, where `converge` is in `convergence`. `speed`, `failures` and `far`
     are those of `trade`. What these find besides numbers goes into the file `arrays`; `choices` are the options of the
     study.
+    `pack` makes a scene ready to be sent away, `hash` looks at what has arrived, see `shipping`; `pass` renders a part
+    of an image's samples, which `merge` puts together, see `passes`.
     `image` is the path of the EXR or PNG file to write, if any, `header` goes into the EXR file's header.
     `cache` is the folder in which trees are kept, if any.
     """
@@ -71,13 +76,34 @@ class Job:
     arrays: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Files, besides those of the scene, that another job must have written."""
+        return (self.streams,) if self.kind == "replay" else ()
+
+    @property
+    def writes(self) -> tuple[str, ...]:
+        """Files that it leaves, as far as it makes what they are for."""
+        preview = str(Path(self.image).with_suffix(".png")) if self.image else ""
+        files = dict.fromkeys((self.image, preview, self.arrays, self.streams))
+        return tuple(file for file in files if file and file not in self.reads)
+
+
+def _now() -> str:
+    return datetime.now().isoformat(timespec="seconds")
+
 
 @dataclass(frozen=True)
 class JobResult:
-    """What the worker measured, and the warnings that Mitsuba and its plugins logged meanwhile."""
+    """What the worker measured, and the warnings that Mitsuba and its plugins logged meanwhile.
+
+    `machine` is what it ran on, as records say it; `started` when, in the local time of that machine.
+    """
 
     values: Mapping[str, Any]
     warnings: tuple[str, ...]
+    machine: Mapping[str, str] = field(default_factory=describe)
+    started: str = field(default_factory=_now, compare=False)
 
 
 def run_job(job: Job, on_stage: Callable[[str], None] | None = None) -> JobResult:
@@ -85,6 +111,7 @@ def run_job(job: Job, on_stage: Callable[[str], None] | None = None) -> JobResul
 
     `on_stage` is told what the worker is doing, a few times a second.
     """
+    started = _now()
     with tempfile.TemporaryDirectory(prefix="mitsuba_bsp-") as folder:
         answer = Path(folder, "answer.json")
         status, output = _run_worker(job, answer, on_stage)
@@ -93,7 +120,7 @@ def run_job(job: Job, on_stage: Callable[[str], None] | None = None) -> JobResul
         raise JobError(found["error"])
     if status != 0 or "values" not in found:
         raise JobError(_death(job, status, found["stage"], output))
-    return JobResult(found["values"], tuple(dict.fromkeys(_WARNING.findall(output))))
+    return JobResult(found["values"], tuple(dict.fromkeys(_WARNING.findall(output))), started=started)
 
 
 #: A warning as the worker's log formatter writes it, with or without terminal colours.

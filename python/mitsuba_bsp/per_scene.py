@@ -1,4 +1,4 @@
-"""One job for every scene, one scene after the other, into one resumable folder.
+"""One job for every scene, into one resumable folder.
 
 A scene is finished when all its runs are in `records.jsonl`; they are written together, marked with the time at which
 the measurement began. An interrupted scene is measured again.
@@ -7,15 +7,15 @@ the measurement began. An interrupted scene is measured again.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from datetime import datetime
 from typing import Any, TypeVar
 
 from .asked import begin
-from .attempts import Attempts
+from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .jobs import Job
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
+from .scheduling import Local, Scheduler
 
 AnyOptions = TypeVar("AnyOptions", bound=Options)
 
@@ -29,21 +29,24 @@ def measure_scenes(
     newest: Callable[[ResultsFolder, AnyOptions, SceneInfo], list[Record]],
     job: Callable[[AnyOptions, SceneInfo], Job],
     rows: Rows[AnyOptions],
+    scheduler: Scheduler | None = None,
 ) -> tuple[list[SceneInfo], list[Failure]]:
     """Run the job of every scene of which the folder has no `newest` measurement; returns all scenes and what failed.
 
     ValueError for anything wrong with the input, raised before the first job.
     """
     folder = ResultsFolder(options.out)
-    attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="trace rays in")
+    attempts = Attempts(folder, listener, scheduler or Local())
+    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in")
     begin(folder, options, scenes)
     todo = [scene for scene in scenes if not newest(folder, options, scene)]
     listener.start(scenes, len(scenes), len(scenes) - len(todo))
-    for scene in todo:
-        origin = {**context(options, scene), "started": datetime.now().isoformat(timespec="seconds")}
+
+    def attempt(scene: SceneInfo) -> Attempt:
         own = job(options, scene)
-        result = attempts.run(scene, own.kind, own, f"{scene.name}: {own.kind}")
-        if result:
-            append(folder.records_file, *({**origin, **row} for row in rows(options, result.values)))
+        return Attempt(scene, own.kind, own, f"{scene.name}: {own.kind}")
+
+    for scene, result in attempts.run(todo, attempt):
+        origin = {**context(options, scene, result.machine), "started": result.started}
+        append(folder.records_file, *({**origin, **row} for row in rows(options, result.values)))
     return scenes, attempts.failures

@@ -5,26 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from .attempts import Attempts
 from .comparison import Options, SceneInfo, context
 from .jobs import JobError, run_job
 from .messages import choices
-from .records import ResultsFolder, check_context
+from .records import check_context
 from .scene_content import Content, notes
 from .spec import BRUTE_MAX_TRIANGLES, Spec
 
 
 def preflight(
-    options: Options,
-    folder: ResultsFolder,
-    note: Callable[[str], None],
-    images: bool = True,
-    meshes_to: str | None = None,
+    options: Options, attempts: Attempts, images: bool = True, meshes_to: str | None = None
 ) -> list[SceneInfo]:
     """Load every scene in a child process and check it against the options and what the folder already holds.
 
-    `note` is told what the user should know, also about `images` if they matter. `meshes_to` is what triangle meshes
-    are needed for, if they are. ValueError, in one sentence, for anything wrong.
+    The user is told what he should know, also about `images` if they matter. `meshes_to` is what triangle meshes are
+    needed for, if they are. ValueError, in one sentence, for anything wrong.
     """
+    folder, note, machine = attempts.folder, attempts.note, attempts.scheduler.machine
     named = list(_named(options.scenes))
     folder.check_writable()
     scenes = [_inspect(options, name, path, note) for name, path in named]
@@ -36,7 +34,7 @@ def preflight(
         if meshes_to and not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to {meshes_to}")
         earlier = [*folder.records(), *folder.counted().values()]
-        check_context(earlier, scene.name, spec_full, context(options, scene))
+        check_context(earlier, scene.name, spec_full, context(options, scene, machine))
     return scenes
 
 

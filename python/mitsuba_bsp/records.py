@@ -137,14 +137,14 @@ def newest_run(rows: Sequence[Record], mark: str, wanted: Set[tuple[object, ...]
 def check_context(rows: Sequence[Record], scene: str, spec_full: Mapping[str, str], context: Record) -> None:
     """ValueError, naming the first difference, if `rows` of this scene were made with other settings.
 
-    `spec_full` maps each spec of this run to its full text.
+    `spec_full` maps each spec of this run to its full text; what `context` does not say may be anything.
     """
     for row in rows:
         if row["scene"] != scene:
             continue
         expected = {**context, "spec_full": spec_full.get(str(row["spec"]), row["spec_full"])}
         found = {"cache": False, **row}  # records older than the cache do not mention it
-        for key in (*CONTEXT, "spec_full"):
+        for key in (key for key in (*CONTEXT, "spec_full") if key in expected):
             if found[key] != expected[key]:
                 raise ValueError(
                     f"the output folder already holds {row['spec']} on {scene} with {key} {found[key]}, but this run "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -114,15 +114,15 @@ def record_frame(job: Job, loaded: LoadedScene, file: Path, stage: Stage) -> tup
 
 
 def provenance(job: Job, scene: mi.Scene) -> dict[str, str]:
-    """The header of an image: what the job says, and what decides which paths were traced."""
+    """The header of an image: what the job says, and how it was rendered here."""
     return {**job.header, **made_how(scene, job.variant, job.seed)}
 
 
-def write_image(path: Path, scene: mi.Scene, pixels: np.ndarray, header: Mapping[str, str]) -> None:
-    """Write an EXR or (tone-mapped to sRGB) PNG file, by the suffix of `path`."""
+def write_image(path: Path, pixels: np.ndarray, extra: Sequence[str], header: Mapping[str, str]) -> None:
+    """Write an EXR or (tone-mapped to sRGB) PNG file, by the suffix of `path`; `extra` are as for `write_exr`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".png":
         shown = np.ascontiguousarray(pixels[..., : 3 if pixels.shape[2] >= 3 else 1])
         mi.util.write_bitmap(str(path), shown, write_async=False)
     else:
-        write_exr(path, pixels, scene.integrator().aov_names(), header)
+        write_exr(path, pixels, extra, header)

@@ -1,4 +1,4 @@
-"""Record and replay the rays of scenes, one after the other, into one resumable folder.
+"""Record the rays of scenes, then replay them, into one resumable folder.
 
 A scene is finished when all its runs are in `records.jsonl`; they are written together, marked with the time at which
 the replay began. An interrupted scene is replayed again, from the streams that it has left in `streams`.
@@ -6,19 +6,19 @@ the replay began. An interrupted scene is replayed again, from the streams that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from .asked import begin
-from .attempts import Attempts
+from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
-from .jobs import Job, JobResult, Kind
+from .jobs import JobResult
 from .machine import available_threads
 from .preflight import preflight
 from .records import Record, ResultsFolder, append, newest_run, of
+from .scheduling import Local, Scheduler
 from .streams import is_recorded
 
 #: One frame of this size and this many samples per pixel is recorded, unless the user says otherwise.
@@ -35,40 +35,25 @@ class RayOptions(Options):
     command: str = "bench rays"
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One measurement on its way."""
-
-    options: RayOptions
-    listener: Listener
-    folder: ResultsFolder
-    attempts: Attempts
-
-    def job(self, kind: Kind, scene: SceneInfo, **more: Any) -> Job:
-        return self.options.job(kind, scene.path, streams=str(streams_file(self.folder, scene)), **more)
-
-    def attempt(self, scene: SceneInfo, job: Job) -> JobResult | None:
-        """Run a job; a failure is recorded and the next scene has its turn."""
-        return self.attempts.run(scene, job.kind, job, f"{scene.name}: {job.kind}")
-
-
-def replay_scenes(options: RayOptions, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def replay_scenes(
+    options: RayOptions, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Record and replay what is not finished yet; returns the scenes and what failed.
 
     ValueError for anything wrong with the input, raised before the first job.
     """
     folder = ResultsFolder(options.out)
-    run = _Run(options, listener, folder, Attempts(folder, listener))
-    scenes = preflight(options, folder, run.attempts.note, images=False, meshes_to="trace rays in")
+    attempts = Attempts(folder, listener, scheduler or Local())
+    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in")
     begin(folder, options, scenes, "streams")
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
-    for scene in todo:
-        if record_streams(options, folder, run.attempts, scene):
-            _replay(run, scene)
-        else:
-            listener.finish()
-    return scenes, run.attempts.failures
+    recorded = _record(options, folder, attempts, todo)
+    for _ in range(len(todo) - len(recorded)):
+        listener.finish()
+    for scene, result in attempts.run(recorded, lambda scene: _replaying(options, folder, scene)):
+        append(folder.records_file, *(_row(options, scene, result, timed) for timed in result.values["runs"]))
+    return scenes, attempts.failures
 
 
 def streams_file(folder: ResultsFolder, scene: SceneInfo) -> Path:
@@ -76,15 +61,25 @@ def streams_file(folder: ResultsFolder, scene: SceneInfo) -> Path:
     return (folder.path / "streams" / f"{scene.name}.npz").absolute()
 
 
-def record_streams(options: RayOptions, folder: ResultsFolder, attempts: Attempts, scene: SceneInfo) -> bool:
-    """Make sure that the scene's rays are in their file; False if recording them failed."""
-    origin = {**context(options, scene), "max_rays": options.max_rays}
-    if is_recorded(streams_file(folder, scene), origin):
+def _record(
+    options: RayOptions, folder: ResultsFolder, attempts: Attempts, scenes: Sequence[SceneInfo]
+) -> list[SceneInfo]:
+    """Make sure that the scenes' rays are in their files; the scenes of which they are."""
+
+    def origin(scene: SceneInfo) -> Record:
+        made_by = context(options, scene, attempts.scheduler.machine)
+        return {**made_by, "max_rays": options.max_rays}
+
+    def attempt(scene: SceneInfo) -> Attempt:
+        more = {"threads": 1, "max_rays": options.max_rays, "header": origin(scene)}
+        job = options.job("record", scene.path, streams=str(streams_file(folder, scene)), **more)
+        return Attempt(scene, "record", job, f"{scene.name}: record")
+
+    found = {scene.name for scene in scenes if is_recorded(streams_file(folder, scene), origin(scene))}
+    for _ in found:
         attempts.listener.finish()
-        return True
-    run = _Run(options, attempts.listener, folder, attempts)
-    job = run.job("record", scene, threads=1, max_rays=options.max_rays, header=origin)
-    return run.attempt(scene, job) is not None
+    found |= {scene.name for scene, _ in attempts.run([s for s in scenes if s.name not in found], attempt)}
+    return [scene for scene in scenes if scene.name in found]
 
 
 def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) -> list[Record]:
@@ -94,35 +89,35 @@ def newest_replay(folder: ResultsFolder, options: RayOptions, scene: SceneInfo) 
     return newest_run(rows, "replay", wanted, ("spec", "repeat"))
 
 
-def _replay(run: _Run, scene: SceneInfo) -> None:
-    """Replay the scene's streams and write down every run."""
-    started = datetime.now().isoformat(timespec="seconds")
-    specs = [spec.text for spec in run.options.specs]
-    # All threads build; rays are traced on one.
-    job = run.job("replay", scene, threads=available_threads(), specs=specs, repeats=run.options.repeats)
-    result = run.attempt(scene, job)
-    if result is None:
-        return
-    append(
-        run.folder.records_file, *(_row(run, scene, started, result.values, timed) for timed in result.values["runs"])
+def _replaying(options: RayOptions, folder: ResultsFolder, scene: SceneInfo) -> Attempt:
+    """The job that replays a scene's rays. All threads build; rays are traced on one."""
+    job = options.job(
+        "replay",
+        scene.path,
+        streams=str(streams_file(folder, scene)),
+        threads=available_threads(),
+        specs=[spec.text for spec in options.specs],
+        repeats=options.repeats,
     )
+    return Attempt(scene, "replay", job, f"{scene.name}: replay")
 
 
-def _row(run: _Run, scene: SceneInfo, started: str, values: Mapping[str, Any], timed: Mapping[str, Any]) -> Record:
+def _row(options: RayOptions, scene: SceneInfo, result: JobResult, timed: Mapping[str, Any]) -> Record:
     """One line of `records.jsonl`."""
+    values = result.values
     spec, stream = timed["spec"], timed["stream"]
     rays = values["streams"][stream]["rays"]
     return {
-        **context(run.options, scene),
-        "max_rays": run.options.max_rays,
-        "replay": started,
+        **context(options, scene, result.machine),
+        "max_rays": options.max_rays,
+        "replay": result.started,
         "stream": stream,
         "stream_sha256": values["streams"][stream]["sha256"],
         "rays": rays,
         "recorded_rays": values["streams"][stream]["recorded"],
         "triangles_sha256": values["triangles_sha256"],
         "spec": spec,
-        "spec_full": next(s.full for s in run.options.specs if s.text == spec),
+        "spec_full": next(s.full for s in options.specs if s.text == spec),
         "tree_sha256": values["trees"][spec],
         "repeat": timed["repeat"],
         "cpu_s": timed["cpu_s"],

@@ -10,12 +10,18 @@ import mitsuba as mi
 
 from .loading import parsed_file
 
+#: What the name of an XML file ends with that is kept as it was written, beside one that names files in other places.
+AS_WRITTEN = ".as-written"
 
-def scene_hash(path: str | Path, params: Mapping[str, str]) -> str:
-    """SHA-256 over the XML files, the files they name (meshes, textures, ...), spectra and the `-D` parameters."""
+
+def scene_hash(path: str | Path, params: Mapping[str, str], written: Mapping[str, str] | None = None) -> str:
+    """SHA-256 over the XML files, the files they name (meshes, textures, ...), spectra and the `-D` parameters.
+
+    `written` are these parameters as they were written, if the scene now lies elsewhere.
+    """
     digest = hashlib.sha256()
     with parsed_file(path, params=params) as (_, state):
-        for part in _parts(state, params):
+        for part in _parts(state, params if written is None else written):
             digest.update(len(part).to_bytes(8, "little"))
             digest.update(part)
     return digest.hexdigest()
@@ -31,7 +37,7 @@ def referenced_file(props: mi.Properties, key: str) -> Path | None:
 
 def _parts(state: mi.parser.ParserState, params: Mapping[str, str]) -> Iterator[bytes]:
     yield from (f"{key}={params[key]}".encode() for key in sorted(params))
-    yield from (Path(str(file)).read_bytes() for file in state.files)
+    yield from (_as_written(Path(str(file))).read_bytes() for file in state.files)
     for node in state.nodes:
         for key in node.props:
             if node.props.type(key) == mi.Properties.Type.Spectrum:
@@ -39,3 +45,8 @@ def _parts(state: mi.parser.ParserState, params: Mapping[str, str]) -> Iterator[
                 yield repr((spectrum.wavelengths, spectrum.values)).encode()
             elif (file := referenced_file(node.props, key)) is not None:
                 yield file.read_bytes()
+
+
+def _as_written(file: Path) -> Path:
+    original = file.with_name(file.name + AS_WRITTEN)
+    return original if original.is_file() else file

@@ -13,7 +13,7 @@ from .bench_cli import add_scene_options, run_with_bar, show
 from .records import ResultsFolder
 from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions, run_study, specs_of
-from .terminal import add_threads_option, chosen_scenes, positive
+from .terminal import add_scheduler_option, add_threads_option, chosen_scenes, positive
 from .trade.study import STUDY as TRADE
 
 #: Frames of this size and this many samples per pixel are rendered, unless the user says otherwise.
@@ -49,6 +49,7 @@ def _add_study(commands: argparse._SubParsersAction[argparse.ArgumentParser], st
         "--resolution", type=positive, default=RESOLUTION, metavar="N", help="longer side, default: %(default)s"
     )
     add_threads_option(sub)
+    add_scheduler_option(sub)
     sub.set_defaults(run=partial(_study, study, chosen, command), repeats=study.repeats)
 
 
@@ -70,7 +71,7 @@ def _study(study: Study, chosen: Sequence[str], command: str, args: argparse.Nam
         command=command,
     )
     options = replace(options, specs=specs_of(study.plan(options)))
-    bar, status = run_with_bar(options, partial(run_study, study))
+    bar, status = run_with_bar(options, partial(run_study, study), args.scheduler)
     if bar.scenes and ResultsFolder(options.out).records():
         show(options.out)
     return status

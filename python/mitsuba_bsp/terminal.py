@@ -62,6 +62,13 @@ def add_threads_option(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--threads", type=positive, default=available_threads(), metavar="N", help="default: all")
 
 
+def add_scheduler_option(sub: argparse.ArgumentParser) -> None:
+    """Where jobs run."""
+    sub.add_argument(
+        "--scheduler", metavar="tcp://HOST:PORT", help="run jobs on the workers of this Dask cluster; default: here"
+    )
+
+
 def chosen_scenes(named: Sequence[Path]) -> tuple[Path, ...]:
     """The scenes that a command works on: those named, or the built-in ones."""
     scenes = named or sorted(scenes_dir().glob("*.xml"))
@@ -73,10 +80,10 @@ def chosen_scenes(named: Sequence[Path]) -> tuple[Path, ...]:
 class ProgressBar:
     """Shows a comparison on the terminal: a bar, the current job, and notes above it."""
 
-    def __init__(self) -> None:
+    def __init__(self, first: str = "checking the scenes") -> None:
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
         self._progress = Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=err)
-        self._task = self._progress.add_task("checking the scenes", total=None)
+        self._task = self._progress.add_task(first, total=None)
         self.scenes: list[SceneInfo] = []
         self.failures: list[Failure] = []
 

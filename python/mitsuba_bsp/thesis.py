@@ -9,10 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .asked import begin
-from .attempts import Attempts
+from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .preflight import preflight
 from .records import Record, ResultsFolder, append
+from .scheduling import Local, Scheduler
+from .spec import Spec
 
 #: The tree that all counters are percentages of.
 BASELINE = "kd:cost=thesis"
@@ -114,25 +116,30 @@ def published_scene(scene: str, triangles: int) -> tuple[str, bool] | None:
     return name, name == scene and abs(triangles / 1e3 - thousands) <= _SAME_SCENE * thousands
 
 
-def count_frames(options: Options, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def count_frames(
+    options: Options, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Render every scene once under every spec, except what is in the folder; returns the scenes and what failed.
 
     ValueError for anything wrong with the input, raised before the first frame.
     """
     folder = ResultsFolder(options.out)
-    attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="count")
+    attempts = Attempts(folder, listener, scheduler or Local())
+    scenes = preflight(options, attempts, images=False, meshes_to="count")
     begin(folder, options, scenes)
     done = {(row["scene"], row["spec"]) for row in folder.records()}
     frames = [(scene, spec) for scene in scenes for spec in options.specs]
     todo = [(scene, spec) for scene, spec in frames if (scene.name, spec.text) not in done]
     listener.start(scenes, len(frames), len(frames) - len(todo))
-    for scene, spec in todo:
+
+    def attempt(frame: tuple[SceneInfo, Spec]) -> Attempt:
+        scene, spec = frame
         job = options.job("count", scene.path, spec=spec.text)
-        result = attempts.run(scene, spec.text, job, f"{scene.name}: {spec.text}")
-        if result:
-            row = {**context(options, scene), "spec": spec.text, "spec_full": spec.full, **result.values}
-            append(folder.records_file, row)
+        return Attempt(scene, spec.text, job, f"{scene.name}: {spec.text}")
+
+    for (scene, spec), result in attempts.run(todo, attempt):
+        origin = context(options, scene, result.machine)
+        append(folder.records_file, {**origin, "spec": spec.text, "spec_full": spec.full, **result.values})
     return scenes, attempts.failures
 
 

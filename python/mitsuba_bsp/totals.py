@@ -11,6 +11,7 @@ from .expected_rays import AUTO
 from .jobs import Job
 from .per_scene import measure_scenes
 from .records import Record, ResultsFolder, newest_run, of
+from .scheduling import Scheduler
 from .spec import parse_spec
 
 #: Frames of this size are timed with this many samples, unless the user says otherwise.
@@ -32,9 +33,11 @@ class TotalOptions(Options):
     command: str = "bench auto"
 
 
-def time_totals(options: TotalOptions, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def time_totals(
+    options: TotalOptions, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Time the scenes that are not finished yet; see `measure_scenes`."""
-    return measure_scenes(options, listener, newest_totals, _job, _rows)
+    return measure_scenes(options, listener, newest_totals, _job, _rows, scheduler)
 
 
 def newest_totals(folder: ResultsFolder, options: TotalOptions, scene: SceneInfo) -> list[Record]:

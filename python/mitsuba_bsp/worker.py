@@ -5,9 +5,12 @@ The answer file always says how far the worker got, so that the parent can tell 
 
 from __future__ import annotations
 
+import ctypes
 import json
+import os
 import re
 import resource
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
@@ -23,10 +26,12 @@ from .frame_jobs import time_frames
 from .jobs import Job
 from .loading import open_file, parsed_file
 from .messages import one_sentence
+from .passes import merge, render_pass
 from .ray_jobs import record, replay
 from .render_setup import fix_block_size, has_box_filter, set_resolution
 from .rendering import Stage, construct, load, provenance, render, samples, write_image
 from .scene_hash import referenced_file, scene_hash
+from .shipping import hash_scene, pack
 from .studies import convergence, normals, planes, work
 from .studies import slice as cross_section
 from .swap import GroupOptions
@@ -34,9 +39,13 @@ from .total_jobs import measure_totals
 from .trade import failures, speeds
 from .tree_statistics import statistics
 
+#: From <linux/prctl.h>.
+_PR_SET_PDEATHSIG = 1
+
 
 def main() -> None:
     """Do the job and write the answer: `values`, or `error` with one sentence, and always the last `stage`."""
+    _end_with_parent()
     answer = Path(sys.argv[1])
     job = Job(**json.load(sys.stdin))
     reached: dict[str, Any] = {"stage": "starting"}
@@ -53,6 +62,13 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001
         reached["error"] = one_sentence(error)
     answer.write_text(json.dumps(reached))
+
+
+def _end_with_parent() -> None:
+    """Let the system kill this process should its parent die, so that it disturbs no measurement of anyone else's."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() == 1:  # it was too late for that
+        sys.exit(1)
 
 
 def _set_up(job: Job) -> None:
@@ -140,7 +156,7 @@ def _render_once(job: Job, stage: Stage) -> dict[str, Any]:
     frame = render(job, scene, stage, samples(job, scene))
     stage(f"writing {job.image}")
     header = {**provenance(job, scene), "scene_hash": scene_hash(job.scene, job.params)}
-    write_image(Path(job.image), scene, frame.pixels, header)
+    write_image(Path(job.image), frame.pixels, scene.integrator().aov_names(), header)
     return {
         "build_s": build_s,
         "render_s": frame.wall_s,
@@ -173,9 +189,9 @@ def _shape_index(props: mi.Properties) -> dict[str, int]:
 
 def _write_images(job: Job, scene: mi.Scene, pixels: np.ndarray) -> None:
     """The EXR file of a comparison and its PNG preview."""
-    path = Path(job.image)
-    write_image(path, scene, pixels, provenance(job, scene))
-    write_image(path.with_suffix(".png"), scene, pixels, {})
+    path, extra = Path(job.image), scene.integrator().aov_names()
+    write_image(path, pixels, extra, provenance(job, scene))
+    write_image(path.with_suffix(".png"), pixels, extra, {})
 
 
 _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
@@ -198,6 +214,10 @@ _KINDS: dict[str, Callable[[Job, Stage], dict[str, Any]]] = {
     "speed": speeds.measure,
     "failures": failures.measure,
     "far": failures.measure_far,
+    "pack": pack,
+    "hash": hash_scene,
+    "pass": render_pass,
+    "merge": merge,
 }
 
 if __name__ == "__main__":

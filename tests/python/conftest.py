@@ -12,7 +12,7 @@ import mitsuba as mi
 import pytest
 from fake_workers import Workers
 
-from mitsuba_bsp import attempts
+from mitsuba_bsp import scheduling
 
 #: Nine shapes in an order that a careless swap would change: lights between meshes, a sphere, ids here and there.
 ROOM = """
@@ -98,7 +98,7 @@ def room(tmp_path: Path) -> Path:
 def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
     """Jobs of studies take no time."""
     found = Workers()
-    monkeypatch.setattr(attempts, "run_job", found.run)
+    monkeypatch.setattr(scheduling, "run_job", found.run)
     return found
 
 

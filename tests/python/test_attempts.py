@@ -1,4 +1,4 @@
-"""Jobs of a measurement, one by one: what the listener hears, and what a failure leaves."""
+"""Jobs of a measurement: what the listener hears, and what a failure leaves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mitsuba_bsp import attempts as module
-from mitsuba_bsp.attempts import Attempts
+from mitsuba_bsp import scheduling
+from mitsuba_bsp.attempts import Attempt, Attempts
 from mitsuba_bsp.comparison import Failure, SceneInfo
 from mitsuba_bsp.jobs import Job, JobError, JobResult
 from mitsuba_bsp.records import ResultsFolder
@@ -51,16 +51,21 @@ def attempts(tmp_path: Path, listener: Listener) -> Attempts:
     return Attempts(ResultsFolder(tmp_path), listener)
 
 
+def run(attempts: Attempts, what: str) -> list[JobResult]:
+    """The result of one job, if it has any."""
+    return [result for _, result in attempts.run([what], lambda _: Attempt(SCENE, what, JOB, f"room: {what}"))]
+
+
 def test_stages_are_shown_in_a_word(
     attempts: Attempts, listener: Listener, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def run(job: Job, on_stage: Callable[[str], None]) -> JobResult:
+    def work(job: Job, on_stage: Callable[[str], None]) -> JobResult:
         for stage in ("starting", "loading room.xml", "building kd for room.xml, 42%"):
             on_stage(stage)
         return JobResult({"build_s": 1}, ())
 
-    monkeypatch.setattr(module, "run_job", run)
-    assert attempts.run(SCENE, "kd", JOB, "room: kd") == JobResult({"build_s": 1}, ())
+    monkeypatch.setattr(scheduling, "run_job", work)
+    assert run(attempts, "kd") == [JobResult({"build_s": 1}, ())]
     begun = ["room: kd", "room: kd (starting)", "room: kd (loading)", "room: kd (building 42%)"]
     assert listener.heard == [*(("begin", text) for text in begun), ("finish", "")]
     assert attempts.failures == [] and list(tmp_path.iterdir()) == []
@@ -69,21 +74,21 @@ def test_stages_are_shown_in_a_word(
 def test_warnings_and_notes_are_passed_on_once(
     attempts: Attempts, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "run_job", lambda *_: JobResult({}, ("it is hot", "it is late")))
+    monkeypatch.setattr(scheduling, "run_job", lambda *_: JobResult({}, ("it is hot", "it is late")))
     attempts.note("room: it is hot")
     for _ in range(2):
-        attempts.run(SCENE, "kd", JOB, "room: kd")
+        run(attempts, "kd")
     assert [text for kind, text in listener.heard if kind == "note"] == ["room: it is hot", "room: it is late"]
 
 
 def test_a_failure_is_told_kept_and_written_down(
     attempts: Attempts, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(*_: object) -> JobResult:
+    def work(*_: object) -> JobResult:
         raise JobError("the worker was killed")
 
-    monkeypatch.setattr(module, "run_job", run)
-    assert attempts.run(SCENE, "replay", JOB, "room: replay") is None
+    monkeypatch.setattr(scheduling, "run_job", work)
+    assert run(attempts, "replay") == []
     failure = Failure("room", "replay", "the worker was killed")
     assert attempts.failures == [failure]
     assert listener.heard == [("begin", "room: replay"), ("fail", failure), ("finish", "")]

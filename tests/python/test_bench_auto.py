@@ -12,7 +12,7 @@ import pytest
 from conftest import error_line
 
 import mitsuba_bsp
-from mitsuba_bsp import attempts, cli, parse_spec
+from mitsuba_bsp import cli, parse_spec, scheduling
 from mitsuba_bsp.expected_rays import RAYS_PER_SAMPLE, with_expected_rays
 from mitsuba_bsp.jobs import Job, JobResult, run_job
 from mitsuba_bsp.loading import open_file
@@ -67,7 +67,7 @@ def jobs(monkeypatch: pytest.MonkeyPatch) -> list[Job]:
         found.append(job)
         return totals(job)
 
-    monkeypatch.setattr(attempts, "run_job", run)
+    monkeypatch.setattr(scheduling, "run_job", run)
     return found
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import error_line, scene_xml
 
-from mitsuba_bsp import attempts, build_jobs, cli
+from mitsuba_bsp import build_jobs, cli, scheduling
 from mitsuba_bsp.build_table import ratios
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
 
@@ -56,8 +56,7 @@ class FakeBuilds:
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeBuilds:
     found = FakeBuilds()
-    monkeypatch.setattr(attempts, "run_job", found)
-    monkeypatch.setattr("mitsuba_bsp.builds.run_job", found)
+    monkeypatch.setattr(scheduling, "run_job", found)
     return found
 
 
@@ -119,11 +118,11 @@ def test_an_interrupted_run_goes_on(
         return fake(job)
 
     words = ["bench", "build", room, "--out", room.with_name("out"), "--specs", *SPECS]
-    monkeypatch.setattr(attempts, "run_job", interrupted)
+    monkeypatch.setattr(scheduling, "run_job", interrupted)
     assert run_here(*words) == 130
     assert "goes on from there" in capfd.readouterr().err
     assert len(rows(room.with_name("out"))) == 4
-    monkeypatch.setattr(attempts, "run_job", fake)
+    monkeypatch.setattr(scheduling, "run_job", fake)
     assert run_here(*words) == 0
     assert len(rows(room.with_name("out"))) == 15
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import error_line, scene_xml
 
-from mitsuba_bsp import attempts, calibrate_cli, cli
+from mitsuba_bsp import calibrate_cli, cli, scheduling
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
 from mitsuba_bsp.streams import is_recorded, load
 
@@ -95,7 +95,7 @@ class TestBenchRays:
                 raise JobError("the worker was killed")
             return run_job(job, on_stage)
 
-        monkeypatch.setattr(attempts, "run_job", run)
+        monkeypatch.setattr(scheduling, "run_job", run)
         folder = room.with_name("out")
         words = ["--resolution", "8", "--specs", "kd", "--out", str(folder)]
         with pytest.raises(SystemExit) as caught:
@@ -103,7 +103,7 @@ class TestBenchRays:
         assert caught.value.code == 1
         assert "failed: room, replay: the worker was killed" in capfd.readouterr().out
         assert {row["scene"] for row in rows(folder)} == {"other"}
-        monkeypatch.setattr(attempts, "run_job", run_job)
+        monkeypatch.setattr(scheduling, "run_job", run_job)
         with pytest.raises(SystemExit) as caught:
             cli.main(["bench", "rays", str(room), str(other), *words])
         assert caught.value.code == 0

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conftest import error_line, scene_xml
 
-from mitsuba_bsp import attempts, cli, frame_jobs, scenes_dir
+from mitsuba_bsp import cli, frame_jobs, scenes_dir, scheduling
 from mitsuba_bsp.bench_render_table import legend
 from mitsuba_bsp.jobs import FREE, Job, JobError, JobResult, run_job
 from mitsuba_bsp.rendering import Frame, construct, load, render
@@ -62,7 +62,7 @@ class Workers:
 @pytest.fixture
 def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
     found = Workers()
-    monkeypatch.setattr(attempts, "run_job", found.run)
+    monkeypatch.setattr(scheduling, "run_job", found.run)
     return found
 
 

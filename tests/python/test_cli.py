@@ -17,7 +17,7 @@ import pytest
 from conftest import error_line, scene_xml
 
 import mitsuba_bsp
-from mitsuba_bsp import attempts, cli
+from mitsuba_bsp import cli, scheduling
 from mitsuba_bsp.exr import read_exr, read_header
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
 
@@ -153,7 +153,7 @@ class TestCompare:
                 raise JobError("the worker was killed")
             return run_job(job)
 
-        monkeypatch.setattr(attempts, "run_job", run)
+        monkeypatch.setattr(scheduling, "run_job", run)
         words = ["--specs", "embree", "kd", "--spp", "1", "--resolution", "8", "--out", str(room.with_name("out"))]
         with pytest.raises(SystemExit) as caught:
             cli.main(["compare", str(room), *words])

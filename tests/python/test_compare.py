@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_bsp import attempts, parse_spec, preflight
+from mitsuba_bsp import parse_spec, preflight, scheduling
 from mitsuba_bsp.compare import compare
 from mitsuba_bsp.compare_table import make_tables
 from mitsuba_bsp.comparison import Failure, Options, SceneInfo
@@ -86,7 +86,7 @@ class Listener:
 @pytest.fixture
 def workers(monkeypatch: pytest.MonkeyPatch) -> Workers:
     found = Workers()
-    monkeypatch.setattr(attempts, "run_job", found.run)
+    monkeypatch.setattr(scheduling, "run_job", found.run)
     monkeypatch.setattr(preflight, "run_job", found.run)
     return found
 
@@ -300,7 +300,7 @@ def test_an_image_that_does_not_repeat_is_pointed_out(workers: Workers, options:
         )
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(attempts, "run_job", unstable)
+        patch.setattr(scheduling, "run_job", unstable)
         scenes, _ = compare(options, Listener())
     images = {row[0]: row[1] for row in make_tables(scenes, options, ResultsFolder(options.out))[1].rows}
     assert "NOT REPEATABLE" in images["kd"]

@@ -1,4 +1,4 @@
-"""What all studies share: a grid of measurements, run one by one into a resumable folder, and found again there.
+"""What all studies share: a grid of measurements, run into a resumable folder, and found again there.
 
 A study is a plan (which measurements of which trees), tables and figures of what was recorded, and nothing else. Tables
 and figures are made from the records alone. Measurements go in rounds that hold every scene and tree once, each round
@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..asked import begin
-from ..attempts import Attempts
+from ..attempts import Attempt, Attempts
 from ..comparison import Failure, Listener, Options, SceneInfo, context, image_header
-from ..jobs import Job, Kind
+from ..jobs import JobResult, Kind
 from ..machine import available_threads
 from ..preflight import preflight
 from ..records import Record, ResultsFolder, append
+from ..scheduling import Local, Scheduler
 from ..spec import Spec, parse_spec
 from ..text_table import TextTable
 
@@ -116,24 +117,24 @@ def specs_of(cells: Sequence[Cell]) -> tuple[Spec, ...]:
     return tuple(dict.fromkeys(cell.spec(repeat) for cell in cells for repeat in range(cell.repeats)))
 
 
-def run_study(study: Study, options: StudyOptions, listener: Listener) -> tuple[list[SceneInfo], list[Failure]]:
+def run_study(
+    study: Study, options: StudyOptions, listener: Listener, scheduler: Scheduler | None = None
+) -> tuple[list[SceneInfo], list[Failure]]:
     """Make the measurements that are not in the folder yet; returns the scenes and what failed.
 
     ValueError for anything wrong with the input, raised before the first measurement.
     """
     folder = ResultsFolder(options.out)
     _check_study(study, folder)
-    attempts = Attempts(folder, listener)
-    scenes = preflight(options, folder, attempts.note, images=False, meshes_to="put into trees")
+    attempts = Attempts(folder, listener, scheduler or Local())
+    scenes = preflight(options, attempts, images=False, meshes_to="put into trees")
     turns = _rounds(scenes, study.plan(options))
     begin(folder, options, scenes, "")
     done = {(row["scene"], row["measure"], row["spec"], row["repeat"]) for row in folder.records()}
     todo = [turn for turn in turns if turn.key not in done]
     listener.start(scenes, len(turns), len(turns) - len(todo))
-    for turn in todo:
-        result = attempts.run(turn.scene, turn.spec.text, _job(options, folder, turn), turn.label)
-        if result:
-            append(folder.records_file, _row(study, options, turn, result.values))
+    for turn, result in attempts.run(todo, lambda turn: _attempt(options, folder, turn)):
+        append(folder.records_file, _row(study, options, turn, result))
     return scenes, attempts.failures
 
 
@@ -157,10 +158,10 @@ def _rounds(scenes: Sequence[SceneInfo], cells: Sequence[Cell]) -> list[_Turn]:
     return turns
 
 
-def _job(options: StudyOptions, folder: ResultsFolder, turn: _Turn) -> Job:
+def _attempt(options: StudyOptions, folder: ResultsFolder, turn: _Turn) -> Attempt:
     measure = turn.cell.measure
     keeps_pixels = measure == "work" and options.choices.get("keep_pixels", False)
-    return options.job(
+    job = options.job(
         measure,
         turn.scene.path,
         spec=turn.spec.text,
@@ -170,15 +171,16 @@ def _job(options: StudyOptions, folder: ResultsFolder, turn: _Turn) -> Job:
         arrays=str(arrays_file(folder, measure, turn.scene.name, turn.spec.text).absolute()),
         choices=options.choices,
     )
+    return Attempt(turn.scene, turn.spec.text, job, turn.label)
 
 
-def _row(study: Study, options: StudyOptions, turn: _Turn, values: Mapping[str, Any]) -> Record:
+def _row(study: Study, options: StudyOptions, turn: _Turn, result: JobResult) -> Record:
     """One line of `records.jsonl`."""
-    found = dict(values)
+    found = dict(result.values)
     if turn.cell.measure in _TIMED:  # the lists of a tree's levels are in the record of its work
-        found["statistics"] = {key: v for key, v in values["statistics"].items() if not isinstance(v, list)}
+        found["statistics"] = {key: v for key, v in found["statistics"].items() if not isinstance(v, list)}
     return {
-        **context(options, turn.scene),
+        **context(options, turn.scene, result.machine),
         "study": study.name,
         "measure": turn.cell.measure,
         "triangles": turn.scene.triangles,

@@ -50,7 +50,7 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     frame = render(job, scene, stage, samples(job, scene))
     counted = read_counters(channels(frame.pixels, scene.integrator().aov_names()))
     if job.image:
-        write_image(Path(job.image), scene, frame.pixels, provenance(job, scene))
+        write_image(Path(job.image), frame.pixels, scene.integrator().aov_names(), provenance(job, scene))
     quantities = pixel_quantities(spec, counted)
     return {
         "counters": ray_counters(counted, scene.sensors()[0].sampler().sample_count()),
