@@ -33,7 +33,7 @@ from .messages import one_sentence
 from .passes import PASSES, render_in_passes
 from .provenance import made_by
 from .scene_content import Content, notes
-from .scheduling import scheduler_at
+from .scheduling import image_scheduler_at
 from .spec import parse_spec, value_text
 from .terminal import (
     BAD_INPUT,
@@ -178,6 +178,8 @@ def _render(args: argparse.Namespace) -> int:
     for note in [*said, *result.warnings]:
         say("note", note, "yellow")
     how = "loaded" if result.values["statistics"].get("loaded") else "built"
+    if "passes" in result.values:
+        how = f"{result.values['passes']} passes, {how}"
     out.print(
         f"{args.output}: {how} in {result.values['build_s']:.3f} s, rendered in {result.values['render_s']:.3f} s",
         markup=False,
@@ -194,7 +196,7 @@ def _rendered(job: Job, args: argparse.Namespace) -> JobResult:
     if not (args.passes or args.scheduler):
         with err.status(f"rendering {args.scene} with {job.spec}"):
             return run_job(job)
-    with ProgressBar(f"looking at {args.scene}") as bar, scheduler_at(args.scheduler, same_bits=True) as scheduler:
+    with ProgressBar(f"looking at {args.scene}") as bar, image_scheduler_at(args.scheduler, args.threads) as scheduler:
         return render_in_passes(job, args.passes, scheduler, bar)
 
 

@@ -72,7 +72,7 @@ class Cluster:
         self._unsaid: list[str] = []
         self._archives: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[Order, bytes]] = {}
         self._kinds: dict[str, Mapping[str, str]] = {}
-        self._last_seen = time.monotonic()
+        self._answers, self._last_seen = True, time.monotonic()
         self._client = _connected(address)
         try:
             self._look_around()
@@ -107,9 +107,7 @@ class Cluster:
                 self._look_around()
                 while self._unsaid:
                     note(self._unsaid.pop())
-                for future, (_, worker) in flights.items():
-                    if worker.address not in self._workers:
-                        future.cancel()  # so that it lands
+                self._cancel([f for f, (_, worker) in flights.items() if worker.address not in self._workers])
                 for task, worker in self._assigned(waiting, {worker.address for _, worker in flights.values()}):
                     future = self._send(task.job, worker)
                     flights[future] = task, worker
@@ -124,22 +122,33 @@ class Cluster:
                     else:
                         yield task.place, outcome
         finally:
-            self._client.cancel(list(flights))
+            self._cancel(list(flights))
+
+    def _cancel(self, flights: list[Future]) -> None:
+        """Give up jobs, so that they land."""
+        if flights:
+            with suppress(Exception):  # there is nobody to be told
+                self._client.cancel(flights)
 
     def _look_around(self) -> None:
-        """Meet workers that have come, and forget those that have gone."""
-        try:
-            found = self._client.scheduler_info(n_workers=-1)["workers"]
-        except (OSError, RuntimeError) as error:
-            raise ValueError(f"the Dask scheduler at {self._address} has gone ({one_sentence(error)})") from None
+        """Meet workers that have come, and forget those that have gone; ValueError if there was none for long."""
+        found = self._offering()
         self._workers = {address: worker for address, worker in self._workers.items() if address in found}
-        for address, about in found.items():
-            if about["resources"].get(RESOURCE, 0) >= 1 and address not in {*self._workers, *self._refused}:
-                self._meet(address)
+        for address in found - {*self._workers, *self._refused}:
+            self._meet(address)
         if self._workers:
             self._last_seen = time.monotonic()
         elif time.monotonic() > self._last_seen + PATIENCE_S:
             raise ValueError(self._nobody())
+
+    def _offering(self) -> set[str]:
+        """The addresses of all workers that offer the resource."""
+        with suppress(OSError, RuntimeError):
+            found = self._client.scheduler_info(n_workers=-1).get("workers")
+            self._answers = found is not None
+            return {address for address, about in (found or {}).items() if about["resources"].get(RESOURCE, 0) >= 1}
+        self._answers = False
+        return set()
 
     def _meet(self, address: str) -> None:
         """Take a worker on, or refuse it."""
@@ -154,6 +163,8 @@ class Cluster:
 
     def _nobody(self) -> str:
         """Why nobody takes our jobs."""
+        if not self._answers:
+            return f"the Dask scheduler at {self._address} does not answer any more"
         if self._refused:
             return f"the Dask cluster at {self._address} has no worker for this: {next(iter(self._refused.values()))}"
         return (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -201,11 +201,16 @@ def check_variant() -> str:
     )
 
 
-@contextmanager
-def threads_for_exr() -> Iterator[None]:
+def threads_for_exr() -> AbstractContextManager[None]:
     """Inside the context Mitsuba has the threads that it needs for EXR files, also on a machine with one processor."""
+    return threads(max(dr.thread_count(), MIN_EXR_THREADS))
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Inside the context Mitsuba has so many threads."""
     before = dr.thread_count()
-    dr.set_thread_count(max(before, MIN_EXR_THREADS))
+    dr.set_thread_count(count)
     try:
         yield
     finally:

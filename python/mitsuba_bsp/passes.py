@@ -32,7 +32,7 @@ SEEDS = 2**32
 def render_in_passes(job: Job, passes: int | None, scheduler: Scheduler, listener: Listener) -> JobResult:
     """Render `job.image` in so many passes, or PASSES if it has as many samples; what the first pass found.
 
-    Its times are the sums over all passes. ValueError for anything wrong, JobError if a pass fails.
+    `passes` is their number, and times are the sums over all. ValueError for anything wrong, JobError if a pass fails.
     """
     about = run_job(replace(job, kind="inspect"))
     spp = int(about.values["spp"])
@@ -53,7 +53,8 @@ def render_in_passes(job: Job, passes: int | None, scheduler: Scheduler, listene
         run_job(replace(job, kind="merge", header=header, choices={"passes": files}))
     times = {key: sum(result.values[key] for result in found) for key in ("build_s", "render_s")}
     warnings = dict.fromkeys(text for result in (about, *found) for text in result.warnings)
-    return replace(found[0], values={**found[0].values, **times}, warnings=tuple(warnings))
+    values = {**found[0].values, **times, "passes": passes}
+    return replace(found[0], values=values, warnings=tuple(warnings))
 
 
 def _rendered(parts: list[Job], scheduler: Scheduler, listener: Listener) -> list[JobResult]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
+from threading import Event
 from typing import Protocol
 
 from .jobs import Job, JobError, JobResult, run_job
@@ -41,17 +43,41 @@ class Local:
     _warm: set[str] = field(default_factory=set)
 
     def run(self, jobs: Iterable[tuple[str, Job]], say: Say, _: Say) -> Iterator[tuple[int, JobResult | JobError]]:
+        """See `Scheduler`."""
         for place, (label, job) in enumerate(jobs):
-            say(label)
+            yield place, self._outcome(label, job, say)
 
-            def on_stage(stage: str, label: str = label) -> None:
-                say(f"{label} {_short(stage)}")
+    def _outcome(self, label: str, job: Job, say: Say) -> JobResult | JobError:
+        say(label)
+        try:
+            return run_warmed_up(job, self._warm, lambda stage: say(f"{label} {_short(stage)}"))
+        except JobError as error:
+            return error
 
+
+@dataclass
+class Together(Local):
+    """This machine, several jobs `at_once`, which are not timed."""
+
+    at_once: int = 1
+
+    def run(self, jobs: Iterable[tuple[str, Job]], say: Say, _: Say) -> Iterator[tuple[int, JobResult | JobError]]:
+        """See `Scheduler`."""
+        closed = Event()
+
+        def say_or_end(text: str) -> None:
+            if closed.is_set():
+                raise InterruptedError
+            say(text)
+
+        with ThreadPoolExecutor(self.at_once) as pool:
+            flights = {pool.submit(self._outcome, *own, say_or_end): place for place, own in enumerate(jobs)}
             try:
-                outcome: JobResult | JobError = run_warmed_up(job, self._warm, on_stage)
-            except JobError as error:
-                outcome = error
-            yield place, outcome
+                for flight in as_completed(flights):
+                    yield flights[flight], flight.result()
+            finally:
+                closed.set()
+                pool.shutdown(wait=False, cancel_futures=True)
 
 
 def run_warmed_up(job: Job, warm: set[str], on_stage: Say) -> JobResult:
@@ -67,19 +93,33 @@ def run_warmed_up(job: Job, warm: set[str], on_stage: Say) -> JobResult:
 
 
 @contextmanager
-def scheduler_at(address: str | None, same_bits: bool = False) -> Iterator[Scheduler]:
-    """This machine, or the Dask cluster whose scheduler is at `address`; see `cluster.Cluster`."""
+def scheduler_at(address: str | None) -> Iterator[Scheduler]:
+    """For measurements: this machine, or the Dask cluster whose scheduler is at `address`; see `cluster.Cluster`."""
     if address is None:
         yield Local()
-        return
+    else:
+        with _cluster(address, same_bits=False) as found:
+            yield found
+
+
+@contextmanager
+def image_scheduler_at(address: str | None, at_once: int) -> Iterator[Scheduler]:
+    """For the parts of an image, each on one thread: the same, but here several `at_once`."""
+    if address is None:
+        yield Together(at_once=at_once)
+    else:
+        with _cluster(address, same_bits=True) as found:
+            yield found
+
+
+def _cluster(address: str, same_bits: bool) -> AbstractContextManager[Scheduler]:
     try:
         from .cluster import Cluster
     except ModuleNotFoundError as error:
         if error.name not in ("dask", "distributed"):
             raise
         raise ValueError("--scheduler needs dask: pip install 'mitsuba-bsp[cluster]'") from None
-    with Cluster(address, same_bits) as found:
-        yield found
+    return Cluster(address, same_bits)
 
 
 def _short(stage: str) -> str:

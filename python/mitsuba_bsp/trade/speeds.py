@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contenders import build, triangles_of
 from ..jobs import Job
-from ..loading import open_file
+from ..loading import open_file, threads
 from ..ray_jobs import record
 from ..spec import parse_spec
 from ..streams import KINDS, Stream, in_use, is_recorded, load
@@ -60,13 +60,17 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
 
 
 def _recorded(job: Job, stage: Callable[[str], None]) -> list[Stream]:
-    """The rays of one frame; the first accelerator of a scene that comes here has them recorded for all."""
+    """The rays of one frame; the first accelerator of a scene that comes here has them recorded for all.
+
+    One thread asks for them, so that they are in the same order wherever they are recorded.
+    """
     file = Path(job.arrays).parent.parent / "rays" / f"{Path(job.scene).stem}.npz"
     asked = {"spp": job.spp, "resolution": job.resolution, "seed": job.seed, "max_rays": job.choices["max_rays"]}
     origin = {**asked, "variant": job.variant, "scene_hash": job.header.get("scene_hash")}
     if not is_recorded(file, origin):
         file.parent.mkdir(parents=True, exist_ok=True)
-        record(replace(job, streams=str(file), max_rays=int(job.choices["max_rays"]), header=origin), stage)
+        with threads(1):
+            record(replace(job, streams=str(file), max_rays=int(job.choices["max_rays"]), header=origin), stage)
     return list(in_use(load(file)))
 
 
