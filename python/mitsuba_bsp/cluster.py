@@ -219,13 +219,17 @@ class Cluster:
             delivery = self._gathered(worker, future)
         except JobError as error:
             failure = error
-        except (CancelledError, KilledWorker, OSError):
-            failure = JobError(f"it was lost {TRIES} times, the last time with the worker {worker.address}")
+        except (CancelledError, KilledWorker):
+            failure = JobError(
+                f"it was tried {TRIES} times, the last time the worker {worker.address} vanished with it"
+            )
+        except Exception as error:  # noqa: BLE001  # whatever else it is, it is not our doing
+            failure = JobError(f"on the worker {worker.address}: {one_sentence(error)}")
+            worker.archives.clear()  # perhaps they are not there any more
         else:
             for path, content in delivery.files.items():
                 _write(Path(path), content)
             return delivery.result
-        worker.archives.clear()  # perhaps it was these
         task.failed += 1
         return failure if task.failed == TRIES else None
 
@@ -235,6 +239,8 @@ class Cluster:
             try:
                 return future.result(timeout=PATIENCE_S)
             except TimeoutError:
+                if future.status != "finished":
+                    raise
                 self._look_around()
                 if worker.address not in self._workers:
                     raise CancelledError from None

@@ -77,6 +77,8 @@ def serve(order: Order, cargo: Cargo) -> Delivery:
     try:
         if cargo.archive is not None:
             _unpack(order, cargo.archive, root)
+        elif not root.is_dir():
+            raise FileNotFoundError(f"the folder {root} with {order.job.scene} has gone")
         job, places = moved(order.job, root, order.scene, order.params)
         for path, file in places.items():
             file.parent.mkdir(parents=True, exist_ok=True)
