@@ -22,6 +22,7 @@ from queue import Empty, SimpleQueue
 
 from distributed import Client, Future, KilledWorker
 from distributed.core import rpc
+from distributed.security import Security
 
 from .jobs import Job, JobError, JobResult, run_job
 from .machine import arithmetic, describe, software
@@ -106,7 +107,7 @@ class Cluster:
             while waiting or flights:
                 self._look_around()
                 while self._unsaid:
-                    note(self._unsaid.pop())
+                    note(self._unsaid.pop(0))
                 self._cancel([f for f, (_, worker) in flights.items() if worker.address not in self._workers])
                 for task, worker in self._assigned(waiting, {worker.address for _, worker in flights.values()}):
                     future = self._send(task.job, worker)
@@ -265,7 +266,7 @@ def _connected(address: str) -> Client:
     """A client of the scheduler at `address`; ValueError if there is none."""
 
     async def hello() -> str:
-        async with rpc(address) as scheduler:
+        async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
             return (await scheduler.identity())["type"]
 
     try:

@@ -89,6 +89,8 @@ def serve(order: Order, cargo: Cargo) -> Delivery:
     except JobError as error:
         raise JobError(str(error).replace(str(root), "")) from None
     made = {path: places[path].read_bytes() for path in order.job.writes if places[path].is_file()}
+    for file in places.values():
+        file.unlink(missing_ok=True)
     warnings = tuple(text.replace(str(root), "") for text in result.warnings)
     return Delivery(replace(result, warnings=warnings), made)
 
