@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 
 import mitsuba as mi
@@ -133,6 +135,19 @@ class TestDamagedFiles:
         (tmp_path / "good.ply").write_bytes(intact("ply-ascii"))
         done, death = checks_files._look_at([tmp_path / "good.ply", tmp_path / "wild.ply"], 1)
         assert len(done) == 1 and death == ("loading", "died")
+
+    @pytest.mark.parametrize("end", ["import time; time.sleep(60)", "import os; os.kill(os.getpid(), 9)"])
+    def test_all_that_was_reported_counts_before_a_hang_or_a_death(self, end: str) -> None:
+        """However many lines come at once, and though the last is not finished."""
+        reports = [{"stage": "building kd"}, {"file": 0}, {"stage": "loading"}, {"file": 1}, {"stage": "tracing kd"}]
+        text = "noise\n" + "".join(json.dumps(report) + "\n" for report in reports) + '{"file": 2'
+        command = [sys.executable, "-c", f"import os; os.write(1, {text.encode()!r}); {end}"]
+        done, death = checks_files._watch(command, 3, 1.0)
+        assert done == [{"file": 0}, {"file": 1}] and death == ("tracing kd", "hung" if "sleep" in end else "died")
+
+    def test_output_that_reports_nothing_is_a_hang(self) -> None:
+        loop = "import time\nwhile True: print('still here', flush=True); time.sleep(0.01)"
+        assert checks_files._watch([sys.executable, "-c", loop], 1, 0.5) == ([], ("loading", "hung"))
 
     def test_a_death_while_building_or_tracing_is_ours(self, monkeypatch: pytest.MonkeyPatch) -> None:
         deaths = iter([("building kd", "died"), ("tracing kd", "hung")])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import selectors
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -65,28 +67,32 @@ def _look_at(files: list[Path], seed: int) -> tuple[list[dict], tuple[str, str] 
     """What a child process found in the first of the files; if it did not get to the end, in which stage it was and
     whether it `died` or `hung`."""
     command = [sys.executable, "-P", "-m", "mitsuba_bsp.verification.damaged_files", str(seed), str(RAYS)]
-    process = subprocess.Popen(
-        [*command, *map(str, files)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace"
-    )
+    return _watch([*command, *map(str, files)], len(files), LIMIT_S)
+
+
+def _watch(command: list[str], count: int, limit_s: float) -> tuple[list[dict], tuple[str, str] | None]:
+    """The same of a command that reports on `count` files, and hangs if it reports nothing for so many seconds."""
     done: list[dict] = []
-    stage = "loading"
-    how = "died"
+    stage, how = "loading", "died"
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0)
     with process, selectors.DefaultSelector() as selector:
         selector.register(process.stdout, selectors.EVENT_READ)
+        rest, end = b"", time.monotonic() + limit_s
         while True:
-            if not selector.select(timeout=LIMIT_S):
+            if not selector.select(max(0.0, end - time.monotonic())):
                 process.kill()
                 how = "hung"
                 break
-            line = process.stdout.readline()
-            if not line:
+            part = os.read(process.stdout.fileno(), 1 << 16)
+            if not part:
                 break
-            if not line.startswith("{"):
-                continue
-            found = json.loads(line)
-            if "stage" in found:
-                stage = found["stage"]
-            else:
-                done.append(found)
-                stage = "loading"
-    return done, (stage, how) if len(done) < len(files) else None
+            *lines, rest = (rest + part).split(b"\n")
+            for line in lines:
+                if not line.startswith(b"{"):
+                    continue  # it is not ours
+                found = json.loads(line)
+                stage = found.get("stage", "loading")
+                if "stage" not in found:
+                    done.append(found)
+                end = time.monotonic() + limit_s
+    return done, (stage, how) if len(done) < count else None
