@@ -11,7 +11,8 @@ from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .checks_brute import RAYS_PER_FAMILY
 from .judge import enter
 from .meshes import Mesh, small_meshes
-from .oracle import Questions, brute_force, found, questions, small_trees
+from .oracle import Answers, Questions, brute_force, ended, found, questions, small_trees
+from .rays import Rays
 
 HITS = 10_000
 
@@ -35,10 +36,11 @@ def intervals_are_closed(plan: Plan) -> Iterator[Unit]:
 def _cut(plan: Plan, subject: Subject) -> Outcome:
     outcome = Outcome(judged=subject.promises)
     for mesh, tree in small_trees(subject.spec):
-        o, d, t = _hits(plan, subject, mesh)
+        (o, d), hits = _hits(plan, subject, mesh)
+        t = hits["t"]
         for name, end in ENDS.items():
             maxt = end(t)
-            expected = brute_force(mesh, subject.triangle_test).closest(o, d, maxt)
+            expected = ended(brute_force(mesh, subject.triangle_test), (o, d), hits, maxt)
             asked = Questions(mesh, f"maxt {name}", plan.seed, o, d, maxt, expected)
             answers = tree.closest(*asked.rays)
             # The rule itself, and the same answer from any-hit rays: brute force is not asked about either.
@@ -49,14 +51,14 @@ def _cut(plan: Plan, subject: Subject) -> Outcome:
     return outcome
 
 
-def _hits(plan: Plan, subject: Subject, mesh: Mesh) -> tuple[Floats, Floats, Floats]:
-    """Rays of all families that hit, in equal parts, and where."""
+def _hits(plan: Plan, subject: Subject, mesh: Mesh) -> tuple[Rays, Answers]:
+    """Rays of all families that hit, in equal parts, and what."""
     count = plan.count(HITS, subject) // len(small_meshes()) + 1
     asked = questions(mesh, plan.count(RAYS_PER_FAMILY), plan.seed, subject.triangle_test)
     each = count // len(asked) + 1
     parts = []
     for family in asked:
         hit = np.flatnonzero(found(family.expected) & np.isinf(family.maxt))[:each]
-        parts.append((family.origins[hit], family.directions[hit], family.expected["t"][hit]))
-    o, d, t = (np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True))
-    return o, d, t
+        parts.append((family.origins[hit], family.directions[hit], *(v[hit] for v in family.expected.values())))
+    o, d, *values = (np.concatenate(arrays)[:count] for arrays in zip(*parts, strict=True))
+    return (o, d), dict(zip(asked[0].expected, values, strict=True))

@@ -12,7 +12,7 @@ from ..accelerator import NO_TRIANGLE
 from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .judge import enter
 from .meshes import Mesh, small_meshes
-from .oracle import Answers, Questions, brute_force, build, questions
+from .oracle import Answers, Questions, brute_force, build, ended, questions
 from .rays import FAMILIES, in_turns
 from .threads import shared
 
@@ -76,10 +76,9 @@ def _compare(plan: Plan, subject: Subject, changes: Callable[[Mesh, int], Mappin
 @shared(512)
 def _changed(mesh: Mesh, change: Change, count: int, seed: int, triangle_test: str) -> Questions:
     """Rays of all families in turns in the changed scene; they must hit what they hit in the mesh as it is."""
-    families = [asked.rays for asked in questions(mesh, count // len(FAMILIES) + 1, seed, triangle_test)]
-    o, d, maxt = in_turns(families, count)
+    o, d, maxt, unbounded = _unchanged(mesh, count, seed, triangle_test)
     ends = _ends(maxt, change)
-    expected = brute_force(mesh, triangle_test).closest(o, d, np.ldexp(ends, -change.power))
+    expected = ended(brute_force(mesh, triangle_test), (o, d), unbounded, np.ldexp(ends, -change.power))
     rays = change.move(o), d if change.mirror is None else d * change.mirror, ends
     expected = {**expected, "t": np.ldexp(expected["t"], change.power)}
     if change.old_ids is not None:
@@ -87,6 +86,14 @@ def _changed(mesh: Mesh, change: Change, count: int, seed: int, triangle_test: s
         # Of equal t the smallest number counts, which may be another one now.
         expected["or triangle"] = brute_force(change.mesh, triangle_test).closest(*rays)["triangle"]
     return Questions(change.mesh, change.name, seed, *rays, expected)
+
+
+@shared(64)
+def _unchanged(mesh: Mesh, count: int, seed: int, triangle_test: str) -> tuple[Floats, Floats, Floats, Answers]:
+    """Rays of all families in turns in the mesh as it is, the ends of their intervals, and what they hit without."""
+    families = [asked.rays for asked in questions(mesh, count // len(FAMILIES) + 1, seed, triangle_test)]
+    o, d, maxt = in_turns(families, count)
+    return o, d, maxt, brute_force(mesh, triangle_test).closest(o, d, np.full_like(maxt, np.inf))
 
 
 def _renumbered(ids: NDArray[np.uint32], old_ids: NDArray[np.uint32]) -> NDArray[np.uint32]:

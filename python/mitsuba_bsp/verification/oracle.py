@@ -91,27 +91,28 @@ def answered(mesh: Mesh, family: str, rays: Rays, seed: int, triangle_test: str 
 def questions_to(
     reference: _core.Accelerator, mesh: Mesh, seed: int, family: str, rays: Rays, rng: np.random.Generator
 ) -> Questions:
-    """Rays with interval ends, some of them close to the hit, and the answers of `reference`.
-
-    It is asked without ends: the closest hit before an end is the closest of all, or there is none. It is asked with
-    ends only where t is denormal, for what it was before it was rounded to fewer digits decides.
-    """
+    """Rays with interval ends, some of them close to the hit, and the answers of `reference`."""
     o, d = rays
     unbounded = reference.closest(o, d, np.full(len(o), np.inf, np.float32))
     maxt = cut_intervals(unbounded["t"], rng)
-    expected = _ended(unbounded, maxt)
+    return Questions(mesh, family, seed, o, d, maxt, ended(reference, rays, unbounded, maxt))
+
+
+def ended(reference: _core.Accelerator, rays: Rays, unbounded: Answers, maxt: NDArray[np.float32]) -> Answers:
+    """The answers of `reference` for intervals that end at `maxt`, given those for intervals without end.
+
+    The closest hit before an end is the closest of all, or there is none. It is asked again only where t is denormal,
+    for what it was before it was rounded to fewer digits decides.
+    """
+    o, d = rays
+    kept = found(unbounded) & (unbounded["t"] <= maxt)
+    missed = {"t": np.float32(np.inf), "u": np.float32(0), "v": np.float32(0), "triangle": np.uint32(NO_TRIANGLE)}
+    expected = {key: np.where(kept, unbounded[key], missed[key]) for key in missed}
     rounded = np.flatnonzero(unbounded["t"] < np.finfo(np.float32).tiny)
     if len(rounded):
         for key, values in reference.closest(o[rounded], d[rounded], maxt[rounded]).items():
             expected[key][rounded] = values
-    return Questions(mesh, family, seed, o, d, maxt, expected)
-
-
-def _ended(unbounded: Answers, maxt: NDArray[np.float32]) -> dict[str, NDArray]:
-    """The answers for intervals that end at `maxt`."""
-    kept = found(unbounded) & (unbounded["t"] <= maxt)
-    missed = {"t": np.float32(np.inf), "u": np.float32(0), "v": np.float32(0), "triangle": np.uint32(NO_TRIANGLE)}
-    return {key: np.where(kept, unbounded[key], missed[key]) for key in missed}
+    return expected
 
 
 @shared(128)
@@ -127,7 +128,13 @@ def plane_questions(
     mesh: Mesh, tree: _core.Accelerator, count: int, seed: int, triangle_test: str = "woop"
 ) -> Questions:
     """Rays in the split planes of a tree."""
-    rays = plane_rays(mesh, count, family_rng(seed, "plane"), tree.planes().reshape(-1, 4))
+    return _in_planes(mesh, tree.planes().tobytes(), count, seed, triangle_test)
+
+
+@shared(512)
+def _in_planes(mesh: Mesh, planes: bytes, count: int, seed: int, triangle_test: str) -> Questions:
+    """The same for all trees with these planes."""
+    rays = plane_rays(mesh, count, family_rng(seed, "plane"), np.frombuffer(planes, np.float32).reshape(-1, 4))
     return answered(mesh, "plane", rays, seed, triangle_test)
 
 
