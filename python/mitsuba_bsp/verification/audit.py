@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..spec import Spec
 from .meshes import Mesh
-from .polygons import Real, cut, heights
+from .polygons import Real, cut, heights, joined
 
 #: Of the largest coordinate. The builder rounds at 2^-53 of it, a few times; the traversal allows for 2^-24.
 SLACK = 2.0**-45
@@ -100,10 +100,5 @@ def missing(tree: NeutralTree, mesh: Mesh, valid: NDArray[np.intp]) -> list[tupl
         above, goes_above = cut(polygons, margin - height)
         nodes = np.concatenate([nodes[goes_below] + 1, tree.above[nodes[goes_above]].astype(int)])
         triangles = np.concatenate([triangles[goes_below], triangles[goes_above]])
-        polygons = _joined(below, above)
+        polygons = joined(below, above)
     return absent
-
-
-def _joined(p: NDArray, q: NDArray) -> NDArray:
-    width = max(p.shape[1], q.shape[1])
-    return np.concatenate([np.pad(x, ((0, 0), (0, width - x.shape[1]), (0, 0)), mode="edge") for x in (p, q)])

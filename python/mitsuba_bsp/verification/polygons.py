@@ -56,6 +56,12 @@ def _cut_crossed(polygons: Polygons, above: NDArray[np.floating]) -> Polygons:
     return np.take_along_axis(vertices, order[..., None], axis=1)
 
 
+def joined(*parts: Polygons) -> Polygons:
+    """All of them in one array."""
+    width = max(polygons.shape[1] for polygons in parts)
+    return np.concatenate([_widened(polygons, width) for polygons in parts])
+
+
 def _widened(polygons: Polygons, width: int) -> Polygons:
     """With the last vertex repeated up to `width` vertices."""
     missing = width - polygons.shape[1]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .audit import NeutralTree
-from .polygons import Polygons, cut, heights
+from .polygons import Polygons, cut, heights, joined
 
 
 def cell_volumes(tree: NeutralTree) -> NDArray[np.float64]:
@@ -25,11 +25,8 @@ def cell_volumes(tree: NeutralTree) -> NDArray[np.float64]:
         for sign, child in ((1, lambda nodes: nodes + 1), (-1, lambda nodes: tree.above[nodes].astype(int))):
             kept, exists = cut(faces, sign * height)
             parts += [(child(owners[exists]), kept), (child(cap_owners), caps)]
-        width = max(polygons.shape[1] for _, polygons in parts)
         owners = np.concatenate([nodes for nodes, _ in parts])
-        faces = np.concatenate(
-            [np.pad(polygons, ((0, 0), (0, width - polygons.shape[1]), (0, 0)), mode="edge") for _, polygons in parts]
-        )
+        faces = joined(*(polygons for _, polygons in parts))
     return volumes
 
 
