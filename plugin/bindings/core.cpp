@@ -5,7 +5,10 @@
 #include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
+#include <chrono>
+#include <limits>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "builder.h"
@@ -161,6 +164,40 @@ nb::dict neutral_tree(const Rows3 &vertices, const Faces &faces, const std::stri
     return result;
 }
 
+#if defined(BSP_MISTAKES)
+/// A float beyond the end of an array.
+float read_too_far() {
+    const std::vector<float> values(8, 1.0F);
+    const volatile std::size_t size = values.size();
+    return values.data()[size] + 1;
+}
+
+int overflow() {
+    volatile int largest = std::numeric_limits<int>::max();
+    return largest + 1;
+}
+
+/// Tasks that write to the same place; each takes its time, so that they are on different threads.
+int race() {
+    int shared = 0;
+    bsp::parallel_for(8, 1, [&](std::size_t begin, std::size_t) {
+        shared += int(begin);
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    });
+    return shared;
+}
+
+/// By a number that was never written.
+int decide_by_nothing() {
+    const std::unique_ptr<int[]> values(new int[8]);
+    const volatile int *const place = values.get();
+    volatile int decision = 1;
+    if (*place > 0)
+        decision = 2;
+    return decision;
+}
+#endif
+
 } // namespace
 
 NB_MODULE(_core, m) {
@@ -219,4 +256,13 @@ NB_MODULE(_core, m) {
         .def("statistics", [](const Tree &tree) { return bsp::to_json(tree.accelerator->statistics()); })
         .def("warning", [](const Tree &tree) { return tree.accelerator->statistics().warning; })
         .def("planes", &planes);
+
+#if defined(BSP_MISTAKES)
+    // For sanitizers to report: one that does not is blind.
+    nb::module_ mistakes = m.def_submodule("mistakes");
+    mistakes.def("read_too_far", &read_too_far);
+    mistakes.def("overflow", &overflow);
+    mistakes.def("race", &race);
+    mistakes.def("decide_by_nothing", &decide_by_nothing);
+#endif
 }

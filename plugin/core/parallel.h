@@ -2,30 +2,74 @@
 /// ours. Tasks may be nested; exceptions reach the caller.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
 
 #include <nanothread/nanothread.h>
 
+#if defined(__SANITIZE_THREAD__)
+#include <sanitizer/tsan_interface.h>
+#endif
+
 #include "standard_floats.h"
 
 namespace bsp {
 
+/// A task's memory goes from thread to thread. The pool sees to it that what was done before `give` is seen after
+/// `take`; ThreadSanitizer, which does not see into the pool, is told.
+inline void give([[maybe_unused]] void *memory) {
+#if defined(__SANITIZE_THREAD__)
+    __tsan_release(memory);
+#endif
+}
+inline void take([[maybe_unused]] void *memory) {
+#if defined(__SANITIZE_THREAD__)
+    __tsan_acquire(memory);
+#endif
+}
+
+/// Starts work(0) .. work(count-1), which live until they are waited for; `later`: even a single one on another thread,
+/// if one is free.
+template <typename Work> Task *start(std::uint32_t count, const Work &work, bool later) {
+    struct Done {
+        void *memory;
+        ~Done() { give(memory); }
+    };
+    void *memory = const_cast<Work *>(&work);
+    give(memory);
+    return task_submit(
+        nullptr, count,
+        [](std::uint32_t index, void *shared) {
+            take(shared);
+            const Done done{shared};
+            const StandardFloats floats;
+            (*static_cast<const Work *>(shared))(index);
+        },
+        memory, 0, nullptr, later);
+}
+
+/// Waits for what was started, and throws what it threw.
+template <typename Work> void finish(Task *task, const Work &work) {
+    struct Back {
+        void *memory;
+        ~Back() { take(memory); }
+    };
+    const Back back{const_cast<Work *>(&work)};
+    task_wait_and_release(task);
+}
+
 /// Calls `body(begin, end)` for ranges of at most `grain` indices that together are 0 .. count-1.
 template <typename Body> void parallel_for(std::size_t count, std::size_t grain, const Body &body) {
-    drjit::parallel_for(drjit::blocked_range<std::size_t>(0, count, grain), [&](const auto &range) {
-        const StandardFloats floats;
-        body(std::size_t(range.begin()), std::size_t(range.end()));
-    });
+    const auto range = [&](std::size_t index) { body(index * grain, std::min(count, (index + 1) * grain)); };
+    finish(start(std::uint32_t((count + grain - 1) / grain), range, false), range);
 }
 
 /// Runs both, at the same time if a thread is free.
 template <typename First, typename Second> void parallel_invoke(const First &first, const Second &second) {
-    Task *task = drjit::do_async([&second] {
-        const StandardFloats floats;
-        second();
-    });
+    const auto only = [&](std::size_t) { second(); };
+    Task *task = start(1, only, true);
     std::exception_ptr failure;
     try {
         first();
@@ -33,7 +77,7 @@ template <typename First, typename Second> void parallel_invoke(const First &fir
         failure = std::current_exception();
     }
     try {
-        task_wait_and_release(task);
+        finish(task, only);
     } catch (...) {
         if (!failure)
             failure = std::current_exception();

@@ -69,7 +69,8 @@ def _verify(args: argparse.Namespace) -> int:
     if interrupted:
         say("interrupted", f"what was finished is kept in {folder}, --out {folder} goes on from there", "red")
         return INTERRUPTED
-    return OK if all(result.passed for result in bar.results) else JOB_FAILED
+    right = all(result.passed and not (args.only and result.skipped) for result in bar.results)
+    return OK if right else JOB_FAILED
 
 
 def _chosen_checks(only: Sequence[str] | None, nightly: bool) -> list[Check]:
@@ -109,8 +110,9 @@ class _Bar(Listener):
 
     def end(self, result: Result) -> None:
         self.results.append(result)
-        out.print(_line(result), style=None if result.passed else "red", soft_wrap=True, markup=False)
-        for text in result.failures[:10]:
+        right = result.passed and not result.skipped
+        out.print(_line(result), style=None if right else "red", soft_wrap=True, markup=False)
+        for text in (*result.failures[:10], *result.skipped):
             out.print(f"    {text}", style="red", soft_wrap=True, markup=False)
 
 

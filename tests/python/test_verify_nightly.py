@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import mitsuba as mi
@@ -19,19 +21,23 @@ from mitsuba_bsp.verification import (
     checks_files,
     checks_image_set,
     checks_memory,
+    checks_sanitizers,
     checks_soak,
     checks_spawn,
     checks_speed,
     exactness,
 )
-from mitsuba_bsp.verification.check import Plan, all_checks
+from mitsuba_bsp.verification.check import Outcome, Plan, all_checks
 from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact, wrong_answers
 from mitsuba_bsp.verification.meshes import Mesh, sphere
 from mitsuba_bsp.verification.oracle import brute_force
 from mitsuba_bsp.verification.rays import vertex_rays
 from mitsuba_bsp.verification.runner import Listener, Result, run
+from mitsuba_bsp.verification.sanitizers import MEMCHECK, THREAD, Tool
 from mitsuba_bsp.verification.subjects import chosen_subjects
 from mitsuba_bsp.verification.wrapped import group, to_mitsuba
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def result_of(check: str, scale: float, folder: Path | None = None) -> Result:
@@ -204,6 +210,62 @@ class TestImageSet:
 
         monkeypatch.setattr(checks_image_set, "_reference", wrong)
         assert {"paired", "z"} <= set(checks_image_set._against_embree("room", "kd", 8).wrong)
+
+
+class TestSanitizers:
+    """The tools themselves run in CI and at night, where the first thing to see is whether they see."""
+
+    @staticmethod
+    def outcome(monkeypatch: pytest.MonkeyPatch, reports: list[str], code: int, rows: str = "") -> Outcome:
+        """What a check is worth of which the tool reports this, and which ends so."""
+
+        def watch(tool: Tool, arguments: list[str], folder: Path) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+            (folder / "out").mkdir()
+            (folder / "out" / "records.jsonl").write_text(rows)
+            return subprocess.CompletedProcess(arguments, code, "", "Killed\n"), reports
+
+        monkeypatch.setattr(Tool, "watch", watch)
+        return checks_sanitizers._watch(Plan(chosen_subjects(["kd"])), THREAD, "C07")
+
+    ROW = '{"tried": 9, "wrong": {"time": 1, "copies": %d}, "judged": true, "failures": ["a tie is broken"]}\n'
+
+    def test_reports_deaths_and_wrong_answers_are_seen_but_not_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        fine = self.outcome(monkeypatch, [], 1, self.ROW % 0)
+        assert fine.passed and fine.tried > 9
+        reported = self.outcome(monkeypatch, ["data race tree.cpp:7"], 66, self.ROW % 0)
+        assert reported.wrong["reports"] == 1 and reported.failures[0].text == "thread, C07: data race tree.cpp:7"
+        dead = self.outcome(monkeypatch, [], -9)
+        assert dead.wrong["end"] and dead.failures[0].text == "thread, C07: the process ended with -9: Killed"
+        wrong = self.outcome(monkeypatch, [], 1, self.ROW % 3)
+        assert wrong.wrong["answers"] == 3 and "a tie is broken" in wrong.failures[0].text
+
+    def test_a_blind_tool_is_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        found = subprocess.CompletedProcess([], 0, "", "")
+        monkeypatch.setattr(Tool, "watch", lambda *_: (found, ["data race module.c:1"]))
+        assert checks_sanitizers._sees(THREAD).wrong == {"unseen": 1}
+
+    def test_of_sanitizers_only_what_concerns_the_core_counts(self, tmp_path: Path) -> None:
+        frames = (
+            "    #1 g() (libpython.so+0x17)",
+            "    #1 f() tree.cpp:9 (_core.cpython.so+0x17)",
+        )
+        reports = [["WARNING: data race", frame, "", "SUMMARY: data race delete.cpp:1"] for frame in frames]
+        (tmp_path / "report.17").write_text("\n".join(line for report in reports for line in report))
+        assert THREAD.reports(tmp_path) == ["data race delete.cpp:1, from f() tree.cpp:9 (_core.cpython.so+0x17)"]
+
+    def test_of_valgrind_only_what_concerns_the_core_counts(self, tmp_path: Path) -> None:
+        frame = "<frame><obj>/{}.so</obj><fn>any</fn><file>tree.cpp</file><line>7</line></frame>"
+        error = "<error><kind>InvalidRead</kind><what>Invalid read of size 4</what><stack>{}</stack></error>"
+        errors = [error.format(frame.format(name)) for name in ("libpython", "_core.cpython-311")]
+        (tmp_path / "report.17").write_text(f"<valgrindoutput>{''.join(errors)}</valgrindoutput>")
+        assert MEMCHECK.reports(tmp_path) == ["Invalid read of size 4 tree.cpp:7 in any"]
+
+    def test_without_the_sources_it_is_skipped(self, command: Command, tmp_path: Path) -> None:
+        """And not green: who asks for it by name is told."""
+        asked = command("verify", "--only", "N11t", "--out", "out")
+        assert asked.returncode == 1
+        assert "SKIPPED" in asked.stdout and "start it in the folder of a checkout" in asked.stdout
+        assert "| N11t" in (tmp_path / "out" / "table.md").read_text()
 
 
 class TestSoak:

@@ -97,6 +97,7 @@ class Outcome:
     failures: list[Failure] = field(default_factory=list)  #: the first few
     figures: dict[str, float | int | str] = field(default_factory=dict)  #: more to print and keep
     judged: bool = True  #: False: reported only
+    skipped: str = ""  #: why nothing was tried, if nothing could be
 
     @property
     def passed(self) -> bool:

@@ -16,6 +16,7 @@ from .rays import FAMILIES
 from .timing import timed
 
 RAYS = 10_000  #: of all families, over all meshes
+LEAST = 0.01  #: of the meshes' triangles, however small the counts
 
 #: Seconds that a build may take on two processors.
 LIMIT_S = 3.0
@@ -32,7 +33,7 @@ def caps(plan: Plan) -> Iterator[Unit]:
 def _cap(plan: Plan, subject: Subject) -> Outcome:
     """Variants: one of the meshes, another one each time, of a tenth of the triangles."""
     outcome = Outcome(judged=subject.promises)
-    meshes = pathological_meshes(subject.share)
+    meshes = pathological_meshes(max(LEAST, subject.share * min(1.0, plan.scale)))
     for mesh in subject.part_of(meshes, len(meshes)):
         _compare(outcome, plan, subject, mesh, _build(outcome, subject, mesh))
     return outcome

@@ -30,7 +30,7 @@ def _build_again(plan: Plan, subject: Subject) -> Outcome:
         first = ""
         for threads in THREADS if everything else (1, 8):
             with thread_count(threads):
-                for _ in range(REPEATS if everything else 1):
+                for _ in range(plan.count(REPEATS) if everything else 1):
                     digest = _digest(build(mesh, subject.spec))
                     first = first or digest
                     sentence = f"{subject.spec.text}, {mesh.name}: another tree on {threads} threads"

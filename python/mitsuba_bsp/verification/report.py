@@ -58,7 +58,9 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
     overview = TextTable("Checks", _HEAD, tuple(map(cells, found)))
     failed = tuple((result.check.id, text) for result in found for text in result.failures)
     failures = [TextTable("Failures", ("check", "what failed"), failed, words=True)] if failed else []
-    return [overview, *own_tables(found), *failures]
+    unasked = tuple((result.check.id, text) for result in found for text in result.skipped)
+    skipped = [TextTable("Skipped", ("check", "why"), unasked, words=True)] if unasked else []
+    return [overview, *own_tables(found), *failures, *skipped]
 
 
 def own_tables(found: Sequence[Result]) -> list[TextTable]:
@@ -70,7 +72,10 @@ def cells(result: Result) -> tuple[str, ...]:
     """What a check is worth, as text."""
     tried = ", ".join(f"{count:,} {what}" for what, count in result.tried.items())
     worst = next((f"{family} {count:,}" for family, count in result.wrong.items()), "-")
-    verdict = ("passed" if result.passed else "FAILED") if result.judged else "reported"
+    if result.judged:
+        verdict = "passed" if result.passed else "FAILED"
+    else:
+        verdict = "SKIPPED" if result.skipped else "reported"
     wrong = f"{sum(result.wrong.values()):,}"
     rate = f"< {result.bound:.1e}" if result.judged else "-"
     specs = str(result.specs or "-")

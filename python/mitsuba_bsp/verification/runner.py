@@ -62,6 +62,11 @@ class Result:
         return len({row["spec"] for row in self.records if row["spec"]})
 
     @property
+    def skipped(self) -> list[str]:
+        """Why something was not tried, each reason once."""
+        return list(dict.fromkeys(row["skipped"] for row in self.records if row.get("skipped")))
+
+    @property
     def failures(self) -> list[str]:
         return [text for row in self.judged for text in row["failures"]]
 
@@ -144,8 +149,9 @@ def _record(check: Check, unit: Unit, plan: Plan, outcome: Outcome, seconds: flo
         "what": outcome.what,
         "wrong": outcome.wrong,
         "judged": outcome.judged,
+        "skipped": outcome.skipped,
         "figures": outcome.figures,
-        "failures": [_kept(failure, check, plan) for failure in outcome.failures],
+        "failures": [_kept(failure, check, plan) if outcome.judged else failure.text for failure in outcome.failures],
         "seconds": round(seconds, 3),
         **describe(),
     }
@@ -171,11 +177,12 @@ def _identity(check: Check, unit: Unit, plan: Plan) -> tuple[Any, ...]:
 
 
 def _finished(plan: Plan) -> dict[tuple[Any, ...], Record]:
-    """The records of earlier runs into the folder; units that ended in an exception are tried again."""
+    """The records of earlier runs into the folder; units that were skipped or ended in an exception are tried again."""
     if plan.folder is None:
         return {}
     rows: list[Mapping[str, Any]] = ResultsFolder(plan.folder).records()
-    return {tuple(row[key] for key in _IDENTITY): row for row in rows if "exception" not in row["wrong"]}
+    finished = (row for row in rows if "exception" not in row["wrong"] and not row.get("skipped"))
+    return {tuple(row[key] for key in _IDENTITY): row for row in finished}
 
 
 @cache

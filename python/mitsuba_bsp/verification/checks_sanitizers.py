@@ -1,0 +1,89 @@
+"""Nightly: other checks again while a sanitizer or valgrind watches the compiled core; they have nothing to report."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..records import ResultsFolder
+from .check import Failure, Outcome, Plan, Subject, Unit, check
+from .contest import main_subjects, names
+from .sanitizers import ADDRESS, MEMCHECK, THREAD, Tool
+from .subjects import default_subjects
+
+#: What a watched process takes more of, time and memory, is not judged.
+MEASURED = ("time", "memory")
+
+
+@check("N11a", "no error of memory and nothing undefined, the compiler's sanitizers say")
+def addresses(plan: Plan) -> Iterator[Unit]:
+    checks = [f"C{number:02}" for number in range(1, 16) if number != 2]  # whose trees are wrong on purpose
+    return _units(plan, ADDRESS, 0.1, checks, plan.subjects)
+
+
+@check("N11t", "no data race, ThreadSanitizer says")
+def races(plan: Plan) -> Iterator[Unit]:
+    return _units(plan, THREAD, 0.1, ("C01", "C07", "C14", "C15", "N10"), main_subjects(plan))
+
+
+@check("N11v", "no error of memory, valgrind says")
+def memory_errors(plan: Plan) -> Iterator[Unit]:
+    return _units(plan, MEMCHECK, 0.01, ("C01", "C05", "C07", "C15"), main_subjects(plan))
+
+
+def _units(
+    plan: Plan, tool: Tool, share: float, checks: Sequence[str], subjects: tuple[Subject, ...]
+) -> Iterator[Unit]:
+    """Other checks, with `share` of their counts."""
+    yield Unit("planted mistakes", "", lambda: _unless_missing(tool) or _sees(tool))
+    scaled = replace(plan, subjects=subjects, scale=share * plan.scale)
+    for name in checks if subjects else ():
+        unit = f"{name}, {names(subjects)}"
+        yield Unit(unit, "", lambda name=name: _unless_missing(tool) or _watch(scaled, tool, name))
+
+
+def _unless_missing(tool: Tool) -> Outcome | None:
+    """What is found where the tool cannot be used."""
+    reason = tool.missing()
+    return Outcome(judged=False, what="checks", skipped=reason) if reason else None
+
+
+def _sees(tool: Tool) -> Outcome:
+    """Proof that the tool sees the core."""
+    outcome = Outcome(what="mistakes")
+    for mistake in tool.mistakes:
+        code = f"import drjit; drjit.set_thread_count(8); from mitsuba_bsp import _core; _core.mistakes.{mistake}()"
+        with tempfile.TemporaryDirectory(prefix="mitsuba_bsp-") as folder:
+            process, reports = tool.watch(["-c", code], Path(folder))
+        seen = any("core.cpp" in report for report in reports)
+        outcome.expect("unseen", seen, f"{tool.name} does not report {mistake}: {_end(process.stderr)}")
+    return outcome
+
+
+def _watch(plan: Plan, tool: Tool, name: str) -> Outcome:
+    """What another check finds, and what is reported meanwhile."""
+    outcome = Outcome(what="tries")
+    with tempfile.TemporaryDirectory(prefix="mitsuba_bsp-") as text:
+        folder = Path(text)
+        command = ["-m", "mitsuba_bsp", "verify", "--only", name, "--out", str(folder / "out")]
+        command += ["--seed", str(plan.seed), "--scale", str(plan.scale)]
+        if plan.subjects != default_subjects():
+            command += ["--specs", *(subject.spec.text for subject in plan.subjects)]
+        process, reports = tool.watch(command, folder)
+        rows = ResultsFolder(folder / "out").records()
+    tried = sum(row["tried"] for row in rows)
+    outcome.add("reports", tried, len(reports), lambda: Failure(f"{tool.name}, {name}: {reports[0]}"))
+    if not reports:
+        sentence = f"{tool.name}, {name}: the process ended with {process.returncode}: {_end(process.stderr)}"
+        outcome.expect("end", process.returncode in (0, 1) and bool(rows), sentence)
+    for row in rows:
+        wrong = sum(count for family, count in row["wrong"].items() if row["judged"] and family not in MEASURED)
+        outcome.add("answers", 0, wrong, lambda row=row: Failure(f"{tool.name}: {row['failures'][0]}"))
+    return outcome
+
+
+def _end(text: str) -> str:
+    """The last line."""
+    return (text.strip().splitlines() or ["it said nothing"])[-1]
