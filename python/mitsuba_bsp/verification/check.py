@@ -104,10 +104,10 @@ class Outcome:
         return not self.judged or not any(self.wrong.values())
 
     def add(self, family: str, tried: int, wrong: int = 0, failure: Callable[[], Failure] | None = None) -> None:
-        """Enter what was tried of a family; `failure` describes the first that was wrong."""
+        """Enter what was tried of a family; `failure` describes the first that was wrong, if it is judged."""
         self.tried += tried
         self.wrong[family] = self.wrong.get(family, 0) + wrong
-        if wrong and failure and len(self.failures) < DESCRIBED:
+        if wrong and failure and self.judged and len(self.failures) < DESCRIBED:
             self.failures.append(failure())
 
     def expect(self, family: str, holds: bool, sentence: str) -> None:

@@ -151,7 +151,7 @@ def _record(check: Check, unit: Unit, plan: Plan, outcome: Outcome, seconds: flo
         "judged": outcome.judged,
         "skipped": outcome.skipped,
         "figures": outcome.figures,
-        "failures": [_kept(failure, check, plan) if outcome.judged else failure.text for failure in outcome.failures],
+        "failures": [_kept(failure, check, plan) for failure in outcome.failures],
         "seconds": round(seconds, 3),
         **describe(),
     }
