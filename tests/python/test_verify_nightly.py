@@ -245,13 +245,15 @@ class TestSanitizers:
         assert checks_sanitizers._sees(THREAD).wrong == {"unseen": 1}
 
     def test_of_sanitizers_only_what_concerns_the_core_counts(self, tmp_path: Path) -> None:
-        frames = (
-            "    #1 g() (libpython.so+0x17)",
-            "    #1 f() tree.cpp:9 (_core.cpython.so+0x17)",
-        )
-        reports = [["WARNING: data race", frame, "", "SUMMARY: data race delete.cpp:1"] for frame in frames]
-        (tmp_path / "report.17").write_text("\n".join(line for report in reports for line in report))
-        assert THREAD.reports(tmp_path) == ["data race delete.cpp:1, from f() tree.cpp:9 (_core.cpython.so+0x17)"]
+        lines = ("    #1 f() tree.cpp:9 (_core.cpython.so+0x17)", "    #1 g() (/lib/_allocations.cpython.so+0x17)")
+        for number, line in enumerate((*lines, "    #1 h() (libpython.so+0x17)")):
+            (tmp_path / f"report.{number}").write_text(f"WARNING: race\n{line}\n\nSUMMARY: race free.cpp:1\n")
+        (tmp_path / "stderr").write_text("a warning\ntree.cpp:9:3: runtime error: signed integer overflow\n")
+        assert THREAD.reports(tmp_path) == [
+            "tree.cpp:9:3: runtime error: signed integer overflow",
+            "race free.cpp:1, from f() tree.cpp:9 (_core.cpython.so+0x17)",
+            "race free.cpp:1, from g() (/lib/_allocations.cpython.so+0x17)",
+        ]
 
     def test_of_valgrind_only_what_concerns_the_core_counts(self, tmp_path: Path) -> None:
         frame = "<frame><obj>/{}.so</obj><fn>any</fn><file>tree.cpp</file><line>7</line></frame>"

@@ -6,6 +6,7 @@ Only `_core` and `_allocations` are watched: Python, Mitsuba and the thread pool
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -19,23 +20,34 @@ from xml.etree import ElementTree
 #: The compiled modules that are watched.
 WATCHED = ("_core", "_allocations")
 
+#: Their names in a report, with or without a path.
+_OURS = re.compile(rf"[(/]({'|'.join(WATCHED)})\.")
+
 #: As CMake finds it; it brings the sanitizers along.
 COMPILER = "c++"
 
 #: Where a checkout keeps them, in a folder for each tool.
 BUILDS = Path("build", "watched")
 
+#: What a watched process wrote to its standard error.
+ERRORS = "stderr"
+
 #: A process in which a sanitizer found something ends with this, and not with what `mitsuba-bsp` returns.
 REPORTED = 66
 
 
 def _sanitizer_reports(folder: Path) -> list[str]:
-    """What a compiler's sanitizer says of calls that go through what is watched: the end of a report, and the place."""
+    """What the compiler's sanitizers say of calls that go through what is watched: the end of a report, and the place.
+
+    That of undefined behaviour, which only the watched code looks out for, says it at once, and not into a file.
+    """
     found = []
-    for file in sorted(folder.glob("report*")):
+    for file in (folder / ERRORS, *sorted(folder.glob("report*"))):
         ours: list[str] = []
         for line in file.read_text(errors="replace").splitlines():
-            if any(f"({name}." in line for name in WATCHED):
+            if ": runtime error: " in line:
+                found.append(line)
+            elif _OURS.search(line):
                 ours.append(line.partition("#")[2].partition(" ")[2])
             elif line.startswith("SUMMARY: "):
                 if ours:
@@ -93,6 +105,7 @@ class Tool:
             errors="replace",
             check=False,
         )
+        (folder / ERRORS).write_text(process.stderr)
         return process, self.reports(folder)
 
 
@@ -138,7 +151,7 @@ ADDRESS = Tool(
     libraries=("libasan.so", "libubsan.so", "libstdc++.so"),
     environment=lambda folder: {
         "ASAN_OPTIONS": f"log_path={folder}/report:exitcode={REPORTED}:detect_leaks=0",
-        "UBSAN_OPTIONS": f"log_path={folder}/report:exitcode={REPORTED}:print_stacktrace=1:print_summary=1",
+        "UBSAN_OPTIONS": f"log_path={folder}/report:exitcode={REPORTED}",
     },
 )
 
