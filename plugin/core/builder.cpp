@@ -19,6 +19,7 @@ namespace bsp {
 namespace {
 
 constexpr std::size_t estimated_planes = 63;           ///< per direction, by `estimate`
+constexpr std::size_t most_tried = 1024;               ///< of a large node, for the planes along them
 constexpr std::size_t parallel_sweep_size = 1 << 15;   ///< from here on, directions are swept by different threads
 constexpr std::size_t parallel_subtree_size = 1 << 10; ///< from here on, children are built by different threads
 
@@ -213,7 +214,7 @@ private:
             directions = directions_of(node);
         }
         const double leaf_price = m_settings.cost.leaf_price(node.references.size());
-        if (!m_triangle_planes && node.references.size() > std::size_t(m_settings.exact_below)) {
+        if (!m_triangle_planes && is_large(node)) {
             const std::optional<Split> likely = cheapest_estimate(directions, node, tree);
             if (likely && likely->price < leaf_price) {
                 const std::optional<Split> split = cheapest_sweep({likely->direction}, node, tree);
@@ -236,8 +237,8 @@ private:
     std::optional<Split> cheapest_sweep(const std::vector<Direction> &directions, const NodeWork &node,
                                         Tree &tree) const {
         const Stopwatch stopwatch(tree.phases.sweeps_s);
-        const std::size_t per_triangle = directions.size() * 2 + (m_triangle_planes ? 4 : 0);
-        count_planes(node.depth, per_triangle * node.references.size(), tree);
+        const std::size_t along_triangles = m_triangle_planes ? 4 * tried_triangles(node) : 0;
+        count_planes(node.depth, 2 * directions.size() * node.references.size() + along_triangles, tree);
         if (m_survey && m_triangle_planes)
             for (const std::uint32_t id : node.references.ids)
                 for (const TrianglePlane &plane : planes_along(m_set.triangles[id])) // such trees have no primitives
@@ -308,12 +309,19 @@ private:
         return best;
     }
 
+    bool is_large(const NodeWork &node) const { return node.references.size() > std::size_t(m_settings.exact_below); }
+
+    /// How many of a node's triangles have the planes along them tried.
+    std::size_t tried_triangles(const NodeWork &node) const {
+        return is_large(node) ? std::min(node.references.size(), most_tried) : node.references.size();
+    }
+
     /// `swept`, or a plane along a triangle where that is cheaper.
     std::optional<Split> or_triangle_plane(const NodeWork &node, const std::optional<Split> &swept,
                                            double oblique_price) const {
         const double limit = swept ? swept->price - oblique_price : HUGE_VAL;
-        const auto found =
-            best_triangle_plane(m_set, node.references, node.cell, m_settings.cost, m_plane_tolerance, limit);
+        const auto found = best_triangle_plane(m_set, node.references, node.cell, m_settings.cost, m_plane_tolerance,
+                                               limit, tried_triangles(node));
         if (!found)
             return swept;
         return Split{TreeNode::Kind::oblique, found->direction, found->plane, oblique_price + found->plane.cost};

@@ -21,7 +21,7 @@ Direction make_direction(const Vec3d &vector) {
         return {major, 0, 0};
     const double scale = 1 / vector[major];
     const double a = vector[next_axis[major]] * scale, b = vector[after_axis[major]] * scale;
-    if (std::hypot(a, b) < snap_angle)
+    if (a * a + b * b < snap_angle * snap_angle)
         return {major, 0, 0};
     // Adding +0 turns -0 into +0, so that equal directions have equal bits.
     return {major, float(a) + 0.0f, float(b) + 0.0f};

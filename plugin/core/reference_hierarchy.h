@@ -43,6 +43,8 @@ public:
     /// does not cross it. As `split_references` with the same tolerance.
     ReferenceHierarchy(const ReferenceList &references, double tolerance);
 
+    std::uint32_t size() const { return std::uint32_t(m_size); }
+
     /// Nothing if the prices reach their limit. Adds to `work` the number of references whose vertices were looked at.
     /// From many threads at once.
     std::optional<SideCounts> count(const Direction &direction, float offset, const SidePrices &prices,

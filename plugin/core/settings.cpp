@@ -288,9 +288,11 @@ std::vector<Key> rule_keys() {
     return {
         integer_key<int>("leaf_size", "nodes with this many triangles or fewer are leaves", For::built, 1, 1 << 20,
                          "an integer from 1 to 1048576", [](Settings &s) -> int & { return s.leaf_size; }),
-        integer_key<int>("exact_below",
-                         "nodes with more triangles choose their direction by bins and sweep only that one", For::built,
-                         1, 1 << 30, "an integer from 1 to 2^30", [](Settings &s) -> int & { return s.exact_below; }),
+        integer_key<int>(
+            "exact_below",
+            "nodes with more triangles choose their direction by bins and sweep only that one; ize tries the "
+            "planes of at most 1024 of their triangles",
+            For::built, 1, 1 << 30, "an integer from 1 to 2^30", [](Settings &s) -> int & { return s.exact_below; }),
         flag_key("clip", "triangles are clipped to the cell; if not, their whole extents count", For::built,
                  [](Settings &s) -> bool & { return s.clip; }),
         integer_key<int>("bad_refines", "splits dearer than a leaf that may follow one another", For::built, 0,

@@ -10,8 +10,8 @@ SideAreas::SideAreas(const Cell &cell) : m_cell(cell.is_box() ? make_polyhedron(
         m_total += area;
 }
 
-std::optional<std::pair<double, double>> SideAreas::at(const Direction &direction, double offset, double margin) const {
-    static thread_local std::vector<double> heights;
+std::optional<std::pair<double, double>> SideAreas::at(const Direction &direction, double offset, double margin,
+                                                       std::vector<double> &heights) const {
     heights.clear();
     double low = 0, high = 0;
     for (const Vec3d &v : m_cell.vertices) {

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "cell.h"
 
@@ -14,7 +15,9 @@ public:
     explicit SideAreas(const Cell &cell);
 
     /// Areas of the parts below and above; nothing if one of them reaches no further than `margin` from the plane.
-    std::optional<std::pair<double, double>> at(const Direction &direction, double offset, double margin) const;
+    /// `heights` is scratch.
+    std::optional<std::pair<double, double>> at(const Direction &direction, double offset, double margin,
+                                                std::vector<double> &heights) const;
 
     double total() const { return m_total; }
 

@@ -31,10 +31,12 @@ public:
     void consider(const TrianglePlane &plane) {
         if (plane.direction.is_axis())
             return;
-        const auto areas = m_areas.at(plane.direction, plane.offset, 2 * m_tolerance);
+        const auto areas = m_areas.at(plane.direction, plane.offset, 2 * m_tolerance, m_heights);
         if (!areas)
             return;
         const SidePrices prices{m_scale * areas->first, m_scale * areas->second, m_cost, m_limit};
+        if (prices.is_out({}, m_hierarchy.size()))
+            return;
         const auto counts = m_hierarchy.count(plane.direction, plane.offset, prices, work);
         if (!counts)
             return;
@@ -57,7 +59,8 @@ private:
     const SideAreas &m_areas;
     double m_tolerance, m_scale;
     const CostModel &m_cost;
-    double m_limit; ///< price of the best plane so far
+    double m_limit;                ///< price of the best plane so far
+    std::vector<double> m_heights; ///< scratch
 };
 
 } // namespace
@@ -91,15 +94,17 @@ double plane_tolerance(const Bounds &box) {
 
 std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const ReferenceList &references,
                                                   const Cell &cell, const CostModel &cost, double tolerance,
-                                                  double limit) {
+                                                  double limit, std::size_t most) {
     const ReferenceHierarchy hierarchy(references, tolerance);
     const SideAreas areas(cell);
+    const std::size_t count = references.size(), tried = std::min(count, most);
+    const auto place = [&](std::size_t i) { return count * i / tried; };
     const auto search_range = [&](std::size_t begin, std::size_t end) {
         PlaneSearch search(hierarchy, areas, cost, tolerance, limit);
         const double most_work = work_per_triangle(references.size()) * double(end - begin);
         for (std::size_t i = begin; i < end; ++i) {
-            const Triangle &triangle = set.triangles[references.ids[i]];
-            if (i > begin && std::memcmp(&triangle, &set.triangles[references.ids[i - 1]], sizeof triangle) == 0)
+            const Triangle &triangle = set.triangles[references.ids[place(i)]];
+            if (i > begin && std::memcmp(&triangle, &set.triangles[references.ids[place(i - 1)]], sizeof triangle) == 0)
                 continue; // one on top of the other
             for (const TrianglePlane &plane : planes_along(triangle)) {
                 search.consider(plane);
@@ -109,15 +114,14 @@ std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const 
         }
         return search.best;
     };
-    const std::size_t count = references.size();
-    const std::size_t tasks = std::min(max_tasks, (count + triangles_per_task - 1) / triangles_per_task);
+    const std::size_t tasks = std::min(max_tasks, (tried + triangles_per_task - 1) / triangles_per_task);
     if (tasks <= 1)
-        return search_range(0, count);
+        return search_range(0, tried);
 
     std::vector<std::optional<PlaneCandidate>> found(tasks);
     parallel_for(tasks, 1, [&](std::size_t begin, std::size_t end) {
         for (std::size_t task = begin; task < end; ++task)
-            found[task] = search_range(count * task / tasks, count * (task + 1) / tasks);
+            found[task] = search_range(tried * task / tasks, tried * (task + 1) / tasks);
     });
     std::optional<PlaneCandidate> best;
     for (const auto &candidate : found)

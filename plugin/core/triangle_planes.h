@@ -32,11 +32,11 @@ struct PlaneCandidate {
     SweptPlane plane;
 };
 
-/// The cheapest of the planes along the node's triangles, if one costs less than `limit`; ties go to the triangle
-/// listed first. Planes along the axes are left to the sweep, which sees them too; so are slices of the cell that are
-/// no thicker than the tolerance.
+/// The cheapest of the planes along the node's triangles, or along `most` of them evenly spread over the list, if one
+/// costs less than `limit`; ties go to the triangle listed first. Planes along the axes are left to the sweep, which
+/// sees them too; so are slices of the cell that are no thicker than the tolerance.
 std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const ReferenceList &references,
                                                   const Cell &cell, const CostModel &cost, double tolerance,
-                                                  double limit);
+                                                  double limit, std::size_t most = SIZE_MAX);
 
 } // namespace bsp

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,8 @@ COLOURS = {
 
 GUIDE = "0.55"  #: of lines that are no data
 
+_DASHES = ("-", "--", ":", "-.")
+
 _DPI = 160
 
 
@@ -33,6 +36,16 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def lines_of(specs: Iterable[str]) -> dict[str, dict[str, str]]:
+    """How the line of each spec is drawn: the colour is that of its name, and those of one name differ by dashes."""
+    found: dict[str, dict[str, str]] = {}
+    for spec in specs:
+        colour = COLOURS[spec.partition(":")[0]]
+        earlier = sum(other["color"] == colour for other in found.values())
+        found[spec] = {"color": colour, "linestyle": _DASHES[earlier % len(_DASHES)]}
+    return found
 
 
 def plain(axes: Axes, grid: bool = True) -> Axes:

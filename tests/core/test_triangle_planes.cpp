@@ -178,7 +178,8 @@ TEST(SideAreas, EqualThoseOfTheParts) {
     for (int trial = 0; trial < 400; ++trial) {
         const Direction direction = random_direction(random);
         const float offset = float(random.uniform() - 0.5);
-        const auto areas = SideAreas(cell).at(direction, offset, 1e-6);
+        std::vector<double> heights;
+        const auto areas = SideAreas(cell).at(direction, offset, 1e-6, heights);
         const auto parts = cell.split(direction, offset);
         if (areas) {
             ASSERT_TRUE(parts);
@@ -194,10 +195,11 @@ TEST(SideAreas, EqualThoseOfTheParts) {
 
 TEST(SideAreas, NoSlicesThinnerThanTheMargin) {
     const Cell cell(Bounds{{0, 0, 0}, {1, 1, 1}});
-    EXPECT_FALSE(SideAreas(cell).at(Direction{}, 0.05, 0.1));
-    EXPECT_FALSE(SideAreas(cell).at(Direction{}, 0.95, 0.1));
-    EXPECT_FALSE(SideAreas(cell).at(Direction{}, 2, 0.1));
-    EXPECT_TRUE(SideAreas(cell).at(Direction{}, 0.5, 0.1));
+    std::vector<double> heights;
+    EXPECT_FALSE(SideAreas(cell).at(Direction{}, 0.05, 0.1, heights));
+    EXPECT_FALSE(SideAreas(cell).at(Direction{}, 0.95, 0.1, heights));
+    EXPECT_FALSE(SideAreas(cell).at(Direction{}, 2, 0.1, heights));
+    EXPECT_TRUE(SideAreas(cell).at(Direction{}, 0.5, 0.1, heights));
 }
 
 /// The search against the obvious loop over all planes.

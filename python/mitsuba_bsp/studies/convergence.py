@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..expected_rays import with_expected_rays
 from ..exr import channels
-from ..figures import COLOURS, new_figure, plain
+from ..figures import lines_of, new_figure, plain
 from ..flip import flip, rgb
 from ..jobs import Job
 from ..records import Record, ResultsFolder
@@ -25,7 +25,7 @@ from ..speeds import NONE
 from ..terminal import positive
 from ..text_table import TextTable
 from ..tree_statistics import statistics
-from .runs import Runs, spec_of
+from .runs import Runs
 from .study import Cell, Study, StudyOptions, arrays_file
 from .work import save_arrays
 
@@ -195,11 +195,11 @@ def _curves(runs: Runs) -> Figure:
     grid = figure.subplots(len(runs.scenes), len(measured), squeeze=False)
     for line, scene in zip(grid, runs.scenes, strict=True):
         for panel, (key, name) in zip(line, measured, strict=True):
-            for tree in runs.ordered(SPECS):
+            for tree, style in lines_of(runs.ordered(SPECS)).items():
                 row = runs.first(scene, "converge", tree)
                 if row and row["points"][0][key] is not None:
                     xs, ys = zip(*((point["seconds"], point[key]) for point in row["points"]), strict=True)
-                    panel.plot(xs, ys, "o-", color=COLOURS[spec_of(tree).name], markersize=3.5, label=tree)
+                    panel.plot(xs, ys, marker="o", **style, markersize=3.5, label=tree)
             panel.set_xscale("log")
             panel.set_yscale("log")
             panel.xaxis.set_minor_formatter("")

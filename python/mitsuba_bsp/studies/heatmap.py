@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exr import read_exr
-from ..figures import COLOURS, new_figure, plain
+from ..figures import lines_of, new_figure, plain
 from ..records import Record, ResultsFolder
 from ..spec import parse_spec
 from ..speeds import NONE
@@ -148,9 +148,8 @@ def _show_picture(panel: Axes, planes: Mapping[str, NDArray[np.float32]], scene:
 
 def _show_shares(panel: Axes, maps: Mapping[str, NDArray[np.float32]], unit: str) -> None:
     """What the dearer half of the pixels costs."""
-    for tree, own in maps.items():
-        colour = COLOURS[spec_of(tree).name]
-        panel.plot(100 * SHARES, np.quantile(own, SHARES), color=colour, linewidth=1.2, label=tree)
+    for (tree, line), own in zip(lines_of(maps).items(), maps.values(), strict=True):
+        panel.plot(100 * SHARES, np.quantile(own, SHARES), **line, linewidth=1.2, label=tree)
     panel.set_xlim(50, 100)
     panel.set_ylim(0)
     panel.set_xlabel("% of the pixels that are cheaper", fontsize=8)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import COLOURS, new_figure, plain
+from ..figures import lines_of, new_figure, plain
 from ..records import Record, ResultsFolder
 from ..speeds import NONE
 from ..text_table import TextTable
 from .heatmap import add_specs, chosen_specs, heat_maps
-from .runs import DEAREST, HOT_SPOTS, Runs, spec_of
+from .runs import DEAREST, HOT_SPOTS, Runs
 from .study import Cell, Study, StudyOptions, timed_and_counted
 from .verdicts import percent
 from .work import PIXELS, SHARES
@@ -83,11 +83,11 @@ def _spread_figure(runs: Runs) -> Figure:
     grid = figure.subplots(len(PIXELS), len(runs.scenes), sharex=True, squeeze=False)
     for line, (of, words) in zip(grid, PIXELS.items(), strict=True):
         for panel, scene in zip(line, runs.scenes, strict=True):
-            for tree in runs.ordered(SPECS):
+            for tree, style in lines_of(runs.ordered(SPECS)).items():
                 if row := runs.first(scene, "work", tree):
                     own = row["pixels"]["cost"][of]
                     relative = np.array(own["quantiles"]) / own["mean"]
-                    panel.plot(100 * SHARES, relative, color=COLOURS[spec_of(tree).name], linewidth=1.2, label=tree)
+                    panel.plot(100 * SHARES, relative, **style, linewidth=1.2, label=tree)
             panel.set_xlim(50, 100)
             plain(panel)
         line[0].set_ylabel(f"{words}\ncost over the mean")
