@@ -48,7 +48,9 @@ std::vector<Facing> facings_of(const TriangleSet &set) {
     }
     facings.erase(std::remove_if(facings.begin(), facings.end(), [](const Facing &f) { return f.area == 0; }),
                   facings.end());
-    std::stable_sort(facings.begin(), facings.end(), [](const Facing &x, const Facing &y) { return x.area > y.area; });
+    std::sort(facings.begin(), facings.end(), [](const Facing &x, const Facing &y) {
+        return x.area != y.area ? x.area > y.area : x.largest < y.largest;
+    });
     return facings;
 }
 
