@@ -388,22 +388,13 @@ private:
     const int m_max_depth;
 };
 
-/// The triangles in the tree's axes.
-class View {
-public:
-    View(const TriangleSet &users, const Settings &settings)
-        : orientation(settings.orientation == OrientationKind::scene ? find_orientation(users) : Orientation()),
-          m_turned(orientation.turns() ? orientation.seen(users) : TriangleSet()),
-          set(orientation.turns() ? m_turned : users) {}
-
-    const Orientation orientation;
-
-private:
-    const TriangleSet m_turned;
-
-public:
-    const TriangleSet &set;
-};
+/// `use(triangles, axes)`, with the triangles as they are seen in the tree's axes.
+template <typename Use> auto in_own_axes(const TriangleSet &set, const Settings &settings, const Use &use) {
+    if (settings.orientation == OrientationKind::scene)
+        if (const Orientation found = find_orientation(set); found.turns())
+            return use(found.seen(set), found);
+    return use(set, Orientation());
+}
 
 } // namespace
 
@@ -431,18 +422,20 @@ Bounds root_box(const TriangleSet &set) {
 
 Tree build_tree(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     const StandardFloats floats;
-    const View view(set, settings);
-    Tree tree = Builder(view.set, settings, monitor, nullptr).build();
-    tree.orientation = view.orientation;
-    describe_levels(tree);
-    return tree;
+    return in_own_axes(set, settings, [&](const TriangleSet &seen, const Orientation &orientation) {
+        Tree tree = Builder(seen, settings, monitor, nullptr).build();
+        tree.orientation = orientation;
+        describe_levels(tree);
+        return tree;
+    });
 }
 
 std::vector<LevelPlanes> survey_planes(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor) {
     const StandardFloats floats;
     PlaneSurvey survey;
-    const View view(set, settings);
-    Builder(view.set, settings, monitor, &survey).build();
+    in_own_axes(set, settings, [&](const TriangleSet &seen, const Orientation &) {
+        Builder(seen, settings, monitor, &survey).build();
+    });
     return survey.counts();
 }
 

@@ -49,17 +49,12 @@ double kd_build_seconds(double triangles) { return 165e-9 * triangles * std::log
 /// that miss make a quarter more.
 double kd_ray_seconds(double pilot_ns, double levels) { return 1.25e-9 * (30 + 10 * levels + pilot_ns); }
 
-constexpr double axis_aligned = 0.98;    ///< share of the area from which on nothing oblique is tried
-constexpr double worth_turning = 0.1;    ///< more of the area that must lie along the scene's own axes
+constexpr double axis_aligned = 0.98; ///< share of the area from which on nothing oblique is tried
+/// So much more of the area must lie along the scene's own axes than along the user's. They have their price: a ray is
+/// turned, and the walls are no longer flat to the last bit.
+constexpr double worth_turning = 0.1;
 constexpr double hoped_for_ratio = 0.75; ///< pilots are not flown where even this would change nothing
 constexpr double typical_pilot_ns = 60;
-
-/// The scene's own axes, if so much more than `share` of the area lies along them that they are worth their price: a
-/// ray has to be turned, and the walls are no longer flat to the last bit.
-Orientation worthwhile_orientation(const TriangleSet &set, double share) {
-    const Orientation found = find_orientation(set);
-    return found.turns() && axis_share(set, found) >= share + worth_turning ? found : Orientation();
-}
 
 /// What the pilots found: parts of the scene, built as `kd` and as `normals`.
 struct Pilots {
@@ -188,7 +183,8 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
     reason.precision(3);
     double aligned = axis_share(set);
     reason << std::round(100 * aligned) << " % of the area lies along the axes";
-    const Orientation orientation = aligned < axis_aligned ? worthwhile_orientation(set, aligned) : Orientation();
+    const Orientation orientation =
+        aligned < axis_aligned ? find_orientation(set, aligned + worth_turning) : Orientation();
     if (orientation.turns()) {
         aligned = axis_share(set, orientation);
         reason << ", " << std::round(100 * aligned) << " % along those of the scene itself";

@@ -5,7 +5,6 @@
 
 #include "accelerator.h"
 #include "direction.h"
-#include "sorting.h"
 #include "standard_floats.h"
 
 namespace bsp {
@@ -142,7 +141,7 @@ Plane Orientation::unseen(const Plane &plane) const {
     return {{float(normal.x * scale), float(normal.y * scale), float(normal.z * scale)}, float(offset * scale)};
 }
 
-Orientation find_orientation(const TriangleSet &set) {
+Orientation find_orientation(const TriangleSet &set, double least_share) {
     const StandardFloats floats;
     const std::vector<Facing> facings = facings_of(set);
     Axes best = users_axes;
@@ -164,7 +163,10 @@ Orientation find_orientation(const TriangleSet &set) {
         if (found == 0)
             offer(axes_from(first.normal, longest_edge(set.triangles[first.largest])));
     }
-    if (are_users(best))
+    double area = 0;
+    for (const Facing &facing : facings)
+        area += facing.area;
+    if (are_users(best) || best_area < least_share * area)
         return {};
     const Bounds bounds = Orientation(best, {0, 0, 0}).seen(set).bounds;
     const Vec3d middle = (bounds.lower + bounds.upper) * 0.5;

@@ -24,7 +24,7 @@ from ..speeds import NONE
 from ..text_table import TextTable
 from ..verification.audit import NeutralTree, depths, neutral_tree
 from ..verification.meshes import Mesh
-from ..verification.polygons import Polygons, Real, cut, heights
+from ..verification.polygons import Polygons, Real, cut, heights, joined
 from .normals import Subtrees, only_trees, path_to
 from .runs import Runs
 from .study import Cell, Study, StudyOptions
@@ -175,13 +175,8 @@ def section(tree: NeutralTree, plane: NDArray[np.float64]) -> tuple[Polygons, ND
         below, goes_below = cut(polygons, height)
         above, goes_above = cut(polygons, -height)
         nodes = np.concatenate([nodes[goes_below] + 1, tree.above[nodes[goes_above]].astype(int)])
-        polygons = np.concatenate(_widened([below, above]))
-    return np.concatenate(_widened(found)), np.concatenate(leaves)
-
-
-def _widened(parts: Sequence[Polygons]) -> list[Polygons]:
-    width = max(part.shape[1] for part in parts)
-    return [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0)), mode="edge") for part in parts]
+        polygons = joined(below, above)
+    return joined(*found), np.concatenate(leaves)
 
 
 def outline(corners: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -224,7 +219,7 @@ def first_planes(tree: NeutralTree) -> dict[str, NDArray[np.generic]]:
         polygons.append(part)
         owners += [node] * len(part)
     return {
-        "planes": tree.unseen(np.concatenate(_widened(polygons))).astype(np.float32),
+        "planes": tree.unseen(joined(*polygons)).astype(np.float32),
         "levels": subtrees.depths[owners].astype(np.uint8) if owners else np.zeros(0, np.uint8),
         "oblique": (tree.normals[owners] != 0).sum(axis=1) > 1 if owners else np.zeros(0, bool),
     }
