@@ -255,6 +255,13 @@ class TestSanitizers:
             "race free.cpp:1, from g() (/lib/_allocations.cpython.so+0x17)",
         ]
 
+    def test_a_report_that_ends_with_the_core_itself_is_one_of_its_own(self, tmp_path: Path) -> None:
+        ours, theirs = ("race (/lib/_core.cpython.so+0x17)", "race free.cpp:1")
+        lines = ("    #0 <null> (_core.cpython.so+0x17)", f"SUMMARY: {ours} ", f"SUMMARY: {theirs}")
+        (tmp_path / "report.1").write_text("\n".join(lines))
+        (tmp_path / "stderr").write_text("")
+        assert THREAD.reports(tmp_path) == [f"{ours}, from <null> (_core.cpython.so+0x17)"]
+
     def test_of_valgrind_only_what_concerns_the_core_counts(self, tmp_path: Path) -> None:
         frame = "<frame><obj>/{}.so</obj><fn>any</fn><file>tree.cpp</file><line>7</line></frame>"
         error = "<error><kind>InvalidRead</kind><what>Invalid read of size 4</what><stack>{}</stack></error>"

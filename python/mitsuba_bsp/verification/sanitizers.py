@@ -47,12 +47,12 @@ def _sanitizer_reports(folder: Path) -> list[str]:
         for line in file.read_text(errors="replace").splitlines():
             if ": runtime error: " in line:
                 found.append(line)
+            elif line.startswith("SUMMARY: "):  # it may name what is watched itself
+                if ours:
+                    found.append(f"{line.partition(': ')[2].strip()}, from {ours[0]}")
+                ours = []
             elif _OURS.search(line):
                 ours.append(line.partition("#")[2].partition(" ")[2])
-            elif line.startswith("SUMMARY: "):
-                if ours:
-                    found.append(f"{line.partition(': ')[2]}, from {ours[0]}")
-                ours = []
     return found
 
 
