@@ -61,6 +61,10 @@ class Plan:
         """How many of `full` are tried, at least one; `subject` takes only its share."""
         return max(1, round(full * self.scale * (subject.share if subject else 1)))
 
+    def most(self, full: float, subject: Subject) -> int:
+        """How many of `full` are tried at most by anyone with the triangle test of this subject."""
+        return max(self.count(full, other) for other in self.subjects if other.triangle_test == subject.triangle_test)
+
     def rng(self, *names: object) -> np.random.Generator:
         """Random numbers that depend on the seed and these names only."""
         return np.random.default_rng([self.seed, *"/".join(map(str, names)).encode()])

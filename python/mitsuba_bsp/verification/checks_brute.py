@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 from .. import _core
 from .check import Outcome, Plan, Subject, Unit, check, subject_units
@@ -15,18 +14,12 @@ RAYS_PER_FAMILY = 10_000  #: times 9 families, times 12 meshes: 1.08 million ray
 
 def subject_questions(plan: Plan, subject: Subject) -> Iterator[tuple[_core.Accelerator, Questions]]:
     """Every small mesh's tree, and its share of the rays of every family."""
-    full, count = plan.count(RAYS_PER_FAMILY), plan.count(RAYS_PER_FAMILY, subject)
-    in_planes = _in_planes(subject, count, plan.seed)
-    for (mesh, tree), planes in zip(small_trees(subject.spec), in_planes, strict=True):
-        for asked in questions(mesh, full, plan.seed, subject.triangle_test):
+    count, trees = plan.count(RAYS_PER_FAMILY, subject), small_trees(subject.spec)
+    start = subject.turn % len(trees)  # so that threads begin with different meshes, and find what others computed
+    for mesh, tree in (*trees[start:], *trees[:start]):
+        for asked in questions(mesh, plan.most(RAYS_PER_FAMILY, subject), plan.seed, subject.triangle_test):
             yield tree, asked.head(count)
-        yield tree, planes
-
-
-@lru_cache(maxsize=128)
-def _in_planes(subject: Subject, count: int, seed: int) -> list[Questions]:
-    """Rays in the planes of every small mesh's tree; kept for the second check."""
-    return [plane_questions(mesh, tree, count, seed, subject.triangle_test) for mesh, tree in small_trees(subject.spec)]
+        yield tree, plane_questions(mesh, tree, count, plan.seed, subject.triangle_test)
 
 
 @check("C01", "equal to brute force, bit for bit", at_once=True)

@@ -57,8 +57,10 @@ def _build(outcome: Outcome, subject: Subject, mesh: Mesh) -> _core.Accelerator:
 
 def _compare(outcome: Outcome, plan: Plan, subject: Subject, mesh: Mesh, tree: _core.Accelerator) -> None:
     """As C01 does, with fewer rays."""
-    full, count = (-(-plan.count(RAYS, who) // (MESHES * (len(FAMILIES) + 1))) for who in (None, subject))
-    for asked in questions(mesh, full, plan.seed, subject.triangle_test):
+    most, count = (
+        -(-n // (MESHES * (len(FAMILIES) + 1))) for n in (plan.most(RAYS, subject), plan.count(RAYS, subject))
+    )
+    for asked in questions(mesh, most, plan.seed, subject.triangle_test):
         _ask(outcome, subject, tree, asked.head(count))
     _ask(outcome, subject, tree, plane_questions(mesh, tree, count, plan.seed, subject.triangle_test))
 

@@ -54,7 +54,7 @@ def _cut(plan: Plan, subject: Subject) -> Outcome:
 def _hits(plan: Plan, subject: Subject, mesh: Mesh) -> tuple[Rays, Answers]:
     """Rays of all families that hit, in equal parts, and what."""
     count = plan.count(HITS, subject) // len(small_meshes()) + 1
-    asked = questions(mesh, plan.count(RAYS_PER_FAMILY), plan.seed, subject.triangle_test)
+    asked = questions(mesh, plan.most(RAYS_PER_FAMILY, subject), plan.seed, subject.triangle_test)
     each = count // len(asked) + 1
     parts = []
     for family in asked:

@@ -28,15 +28,16 @@ def smallest_id_of_ties(plan: Plan) -> Iterator[Unit]:
 
 def _ties(plan: Plan, subject: Subject) -> Outcome:
     outcome = Outcome(judged=subject.promises)
-    for kind in (*(COPIES if subject.share == 1 else VARIANT_COPIES), "shared face"):
-        for shuffled in (False, True):
-            mesh = _stack(kind, shuffled, plan.seed)
-            asked = _questions(mesh, plan.count(RAYS), plan.seed, subject.triangle_test)
-            asked = asked.head(plan.count(RAYS, subject))
-            for threads in THREADS if subject.share == 1 else THREADS[-1:]:
-                with thread_count(threads):
-                    answers = build(mesh, subject.spec).closest(*asked.rays)
-                enter(outcome, subject, asked, differing(answers, asked.expected), f"breaks a tie on {threads} threads")
+    is_main = subject.share == 1
+    for threads in THREADS if is_main else THREADS[-1:]:
+        with thread_count(threads):
+            for kind in (*(COPIES if is_main else VARIANT_COPIES), "shared face"):
+                for shuffled in (False, True):
+                    mesh = _stack(kind, shuffled, plan.seed)
+                    asked = _questions(mesh, plan.count(RAYS), plan.seed, subject.triangle_test)
+                    asked = asked.head(plan.count(RAYS, subject))
+                    wrong = differing(build(mesh, subject.spec).closest(*asked.rays), asked.expected)
+                    enter(outcome, subject, asked, wrong, f"breaks a tie on {threads} threads")
     return outcome
 
 

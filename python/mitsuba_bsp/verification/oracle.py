@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +71,7 @@ def build(mesh: Mesh, spec: Spec, fault: str = "") -> _core.Accelerator:
     return _core.Accelerator(mesh.vertices, mesh.faces, spec.name, dict(spec.options), fault)
 
 
-@lru_cache(maxsize=128)
+@cache
 def small_trees(spec: Spec) -> tuple[tuple[Mesh, _core.Accelerator], ...]:
     """The small meshes and their trees; kept, for several checks need them."""
     return tuple((mesh, build(mesh, spec)) for mesh in small_meshes())
@@ -131,7 +131,7 @@ def plane_questions(
     return _in_planes(mesh, tree.planes().tobytes(), count, seed, triangle_test)
 
 
-@shared(512)
+@shared()
 def _in_planes(mesh: Mesh, planes: bytes, count: int, seed: int, triangle_test: str) -> Questions:
     """The same for all trees with these planes."""
     rays = plane_rays(mesh, count, family_rng(seed, "plane"), np.frombuffer(planes, np.float32).reshape(-1, 4))

@@ -17,6 +17,7 @@ from ..machine import available_threads, describe
 from ..messages import one_sentence
 from ..records import ResultsFolder, append
 from .check import Check, Failure, Outcome, Plan, Record, Unit, rate_bound
+from .threads import thread_count
 
 #: A unit is finished if a record agrees with it in these.
 _IDENTITY = ("check", "unit", "spec_full", "seed", "scale", "share", "sources")
@@ -119,13 +120,14 @@ def _outcomes(check: Check, units: Sequence[Unit], listener: Listener) -> Iterat
             yield run_unit(unit)
         return
     pool = ThreadPoolExecutor(available_threads())
-    try:
-        started = [pool.submit(run_unit, unit) for unit in units]
-        for unit, future in zip(units, started, strict=True):
-            listener.unit(f"{check.id} {unit.name}")
-            yield future.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with thread_count(1):  # each of ours does its own work; more would wait for it, and busily
+        try:
+            started = [pool.submit(run_unit, unit) for unit in units]
+            for unit, future in zip(units, started, strict=True):
+                listener.unit(f"{check.id} {unit.name}")
+                yield future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def run_unit(unit: Unit) -> tuple[Outcome, float]:

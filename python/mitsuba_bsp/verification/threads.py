@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
-from functools import lru_cache, wraps
-from threading import RLock
+from functools import wraps
+from threading import Lock
 from typing import ParamSpec, TypeVar
 
 import drjit
@@ -25,15 +26,26 @@ def thread_count(count: int) -> Iterator[None]:
 
 
 def shared(size: int | None = None) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Keep the last `size` answers of the decorated function; what one thread computes, the others wait for."""
+    """Keep the last `size` answers of the decorated function; while one thread computes one, others wait for it."""
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        kept, lock = lru_cache(size)(function), RLock()
+        kept: dict[Hashable, Future[T]] = {}
+        lock = Lock()
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> T:
+            key = args, tuple(kwargs.items())
             with lock:
-                return kept(*args, **kwargs)
+                is_new = key not in kept
+                answer = kept.setdefault(key, Future())
+                if size and len(kept) > size:
+                    del kept[next(iter(kept))]
+            if is_new:
+                try:
+                    answer.set_result(function(*args, **kwargs))
+                except BaseException as error:
+                    answer.set_exception(error)
+            return answer.result()
 
         return call
 
