@@ -53,7 +53,8 @@ constexpr double axis_aligned = 0.98; ///< share of the area from which on nothi
 /// So much more of the area must lie along the scene's own axes than along the user's. They have their price: a ray is
 /// turned, and the walls are no longer flat to the last bit.
 constexpr double worth_turning = 0.1;
-constexpr double hoped_for_ratio = 0.75; ///< pilots are not flown where even this would change nothing
+constexpr double hoped_for_ratio = 0.75; ///< pilots are not flown where even this would save less than they take,
+constexpr double pilots_share = 0.1;     ///< at most so much of building `kd`
 constexpr double typical_pilot_ns = 60;
 
 /// What the pilots found: parts of the scene, built as `kd` and as `normals`.
@@ -183,15 +184,21 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
     reason.precision(3);
     double aligned = axis_share(set);
     reason << std::round(100 * aligned) << " % of the area lies along the axes";
-    const Orientation orientation =
-        aligned < axis_aligned ? find_orientation(set, aligned + worth_turning) : Orientation();
-    if (orientation.turns()) {
-        aligned = axis_share(set, orientation);
-        reason << ", " << std::round(100 * aligned) << " % along those of the scene itself";
+    Orientation orientation;
+    if (aligned < axis_aligned) {
+        const Orientation found = find_orientation(set, aligned + worth_turning);
+        const double turned = found.turns() ? axis_share(set, found) : 0; // what it was found by is an estimate
+        if (turned >= aligned + worth_turning) {
+            orientation = found;
+            aligned = turned;
+            reason << ", " << std::round(100 * aligned) << " % along those of the scene itself";
+        }
     }
     double ray_s = kd_ray_seconds(typical_pilot_ns, levels);
     std::optional<double> ratio;
-    if (aligned < axis_aligned && best_candidate(n, ray_s, rays, hoped_for_ratio).candidate->is_oblique) {
+    const double hoped_for_s =
+        best_candidate(n, ray_s, rays, {}).total_s() - best_candidate(n, ray_s, rays, hoped_for_ratio).total_s();
+    if (aligned < axis_aligned && hoped_for_s > pilots_share * kd_build_seconds(n)) {
         const Pilots pilots = fly_pilots(orientation.turns() ? orientation.seen(set) : set, settings.seed, monitor);
         ray_s = kd_ray_seconds(pilots.kd_ns(), levels);
         ratio = pilots.ratio();

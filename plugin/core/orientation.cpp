@@ -123,13 +123,16 @@ TriangleSet Orientation::seen(const TriangleSet &set) const {
         for (const Vec3f &v : {own.a, own.b, own.c})
             turned.bounds.extend(to_double(v));
     }
-    for (const Bounds &box : set.primitives) {
-        Bounds around;
-        for (unsigned corner = 0; corner < 8; ++corner)
-            around.extend(seen(box.corner(corner)));
-        turned.add_primitive(around);
-    }
+    for (const Bounds &box : set.primitives)
+        turned.add_primitive(seen(box));
     return turned;
+}
+
+Bounds Orientation::seen(const Bounds &box) const {
+    Bounds around;
+    for (unsigned corner = 0; corner < 8; ++corner)
+        around.extend(seen(box.corner(corner)));
+    return around;
 }
 
 Plane Orientation::unseen(const Plane &plane) const {
@@ -168,8 +171,17 @@ Orientation find_orientation(const TriangleSet &set, double least_share) {
         area += facing.area;
     if (are_users(best) || best_area < least_share * area)
         return {};
-    const Bounds bounds = Orientation(best, {0, 0, 0}).seen(set).bounds;
-    const Vec3d middle = (bounds.lower + bounds.upper) * 0.5;
+    const Orientation turned(best, {0, 0, 0});
+    Bounds all;
+    for (const std::uint32_t id : set.valid)
+        for (const Vec3f &v : {set.triangles[id].a, set.triangles[id].b, set.triangles[id].c})
+            all.extend(turned.seen(to_double(v)));
+    for (const Bounds &box : set.primitives) {
+        const Bounds around = turned.seen(box);
+        all.extend(around.lower);
+        all.extend(around.upper);
+    }
+    const Vec3d middle = (all.lower + all.upper) * 0.5;
     return {best, best[0] * middle.x + best[1] * middle.y + best[2] * middle.z};
 }
 

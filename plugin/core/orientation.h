@@ -26,6 +26,8 @@ public:
 
     /// A point as it is seen in these axes.
     Vec3d seen(const Vec3d &point) const;
+    /// A box around all that is seen of a box.
+    Bounds seen(const Bounds &box) const;
     /// All of `set`: its triangles, rounded to floats, and the boxes around its boxes. Invalid triangles are left at 0.
     TriangleSet seen(const TriangleSet &set) const;
     /// The plane that is seen as `plane`, as far as floats tell it.

@@ -17,8 +17,9 @@
 
 namespace bsp {
 
-/// A task's memory goes from thread to thread. The pool sees to it that what was done before `give` is seen after
-/// `take`; ThreadSanitizer, which does not see into the pool, is told.
+/// What was done before `give` is seen after `take` of the same address: the pool sees to it, and ThreadSanitizer,
+/// which does not see into the pool, is told. Tasks take what is given at their start and give what is taken at their
+/// end.
 inline void give([[maybe_unused]] void *memory) {
 #if defined(__SANITIZE_THREAD__)
     __tsan_release(memory);
@@ -30,12 +31,15 @@ inline void take([[maybe_unused]] void *memory) {
 #endif
 }
 
+/// Another address for what comes back: at the same one, tasks would be seen to follow one another.
+inline void *end_of(void *memory) { return static_cast<char *>(memory) + 1; }
+
 /// Starts work(0) .. work(count-1), which live until they are waited for; `later`: even a single one on another thread,
 /// if one is free.
 template <typename Work> Task *start(std::uint32_t count, const Work &work, bool later) {
     struct Done {
         void *memory;
-        ~Done() { give(memory); }
+        ~Done() { give(end_of(memory)); }
     };
     void *memory = const_cast<Work *>(&work);
     give(memory);
@@ -54,7 +58,7 @@ template <typename Work> Task *start(std::uint32_t count, const Work &work, bool
 template <typename Work> void finish(Task *task, const Work &work) {
     struct Back {
         void *memory;
-        ~Back() { take(memory); }
+        ~Back() { take(end_of(memory)); }
     };
     const Back back{const_cast<Work *>(&work)};
     task_wait_and_release(task);

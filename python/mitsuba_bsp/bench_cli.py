@@ -72,10 +72,17 @@ def run_with_bar(
                 measure(options, bar, scheduler)
             status = JOB_FAILED if bar.failures else OK
         except KeyboardInterrupt:
+            say("interrupted", _kept(options), "red")
             status = INTERRUPTED
-    if status == INTERRUPTED:
-        say("interrupted", f"what was finished is kept in {options.out}, --out {options.out} goes on from there", "red")
+        except ValueError as error:
+            if ResultsFolder(options.out).records():
+                raise ValueError(f"{error}; {_kept(options)}") from None
+            raise
     return bar, status
+
+
+def _kept(options: Options) -> str:
+    return f"what was finished is kept in {options.out}, --out {options.out} goes on from there"
 
 
 def show(path: Path) -> None:

@@ -32,6 +32,7 @@ from .jobs import Job, JobError, JobResult, run_job
 from .messages import one_sentence
 from .passes import PASSES, render_in_passes
 from .provenance import made_by
+from .records import ResultsFolder
 from .scene_content import Content, notes
 from .scheduling import image_scheduler_at
 from .spec import parse_spec, value_text
@@ -156,6 +157,7 @@ def _render(args: argparse.Namespace) -> int:
         raise ValueError(f"{args.output} ends neither in .exr nor in .png")
     if not args.scene.is_file():
         raise ValueError(f"there is no scene file {args.scene}")
+    ResultsFolder(args.output.parent).check_writable()
     job = Job(
         kind="render",
         scene=str(args.scene.absolute()),

@@ -135,6 +135,7 @@ class Cluster:
         """Meet workers that have come, and forget those that have gone; ValueError if there was none for long."""
         found = self._offering()
         self._workers = {address: worker for address, worker in self._workers.items() if address in found}
+        self._refused = {address: reason for address, reason in self._refused.items() if address in found}
         for address in found - {*self._workers, *self._refused}:
             self._meet(address)
         if self._workers:
@@ -155,6 +156,8 @@ class Cluster:
         """Take a worker on, or refuse it."""
         with suppress(OSError):  # it has gone already
             met = self._client.run(introduce, workers=[address], on_error="return")[address]
+            if isinstance(met, OSError):
+                raise met
             reason = unfit(met, self._same_bits)
             if reason is None:
                 self._workers[address] = _Worker(address, met.machine)
@@ -220,6 +223,7 @@ class Cluster:
             delivery = self._gathered(worker, future)
         except JobError as error:
             failure = error
+            worker.archives.clear()  # it keeps no scene that it could not check
         except (CancelledError, KilledWorker):
             failure = JobError(
                 f"it was tried {TRIES} times, the last time the worker {worker.address} vanished with it"

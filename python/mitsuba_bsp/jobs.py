@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -129,7 +130,7 @@ _WARNING = re.compile(r"^(?:\x1b\[\d+m)*WARN\s+(.*?)(?:\x1b\[0m)?$", re.MULTILIN
 
 def _run_worker(job: Job, answer: Path, on_stage: Callable[[str], None] | None = None) -> tuple[int, str]:
     """Exit status (negative: the signal that killed it) and output of a worker process."""
-    command = [sys.executable, "-P", "-m", "mitsuba_bsp.worker", str(answer)]
+    command = [sys.executable, "-P", "-m", "mitsuba_bsp.worker", str(os.getpid()), str(answer)]
     # A session of its own: Ctrl-C reaches this process only, which then ends the worker.
     process = subprocess.Popen(
         command,

@@ -203,11 +203,11 @@ def check_variant() -> str:
 
 def threads_for_exr() -> AbstractContextManager[None]:
     """Inside the context Mitsuba has the threads that it needs for EXR files, also on a machine with one processor."""
-    return threads(max(dr.thread_count(), MIN_EXR_THREADS))
+    return thread_count(max(dr.thread_count(), MIN_EXR_THREADS))
 
 
 @contextmanager
-def threads(count: int) -> Iterator[None]:
+def thread_count(count: int) -> Iterator[None]:
     """Inside the context Mitsuba has so many threads."""
     before = dr.thread_count()
     dr.set_thread_count(count)

@@ -46,8 +46,7 @@ def arithmetic() -> dict[str, str]:
 
     These are approximate reciprocals, which differ between vendors, and the instructions among which Embree chooses.
     """
-    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    about = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+    about = _cpuinfo()
     instructions = sorted(set(about.get("flags", "").split()) & _DECISIVE)
     vendor = about.get("vendor_id", "unknown")
     return {"C library": c_library(), "processor": f"{vendor} with {' '.join(instructions) or 'none of AVX2'}"}
@@ -64,7 +63,14 @@ def available_threads() -> int:
 
 
 def _processor() -> str:
-    """The processor's name, as Linux knows it."""
+    """The processor's name as Linux knows it; the name alone may be that of several generations."""
+    about = _cpuinfo()
+    if "model name" not in about:
+        return platform.machine()
+    return f"{about['model name']} (family {about.get('cpu family')}, model {about.get('model')})"
+
+
+def _cpuinfo() -> dict[str, str]:
+    """What Linux says of the last of its processors."""
     lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.machine())
+    return {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}

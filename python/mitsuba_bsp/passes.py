@@ -34,7 +34,7 @@ def render_in_passes(job: Job, passes: int | None, scheduler: Scheduler, listene
 
     `passes` is their number, and times are the sums over all. ValueError for anything wrong, JobError if a pass fails.
     """
-    about = run_job(replace(job, kind="inspect"))
+    about = run_job(replace(job, kind="inspect", spec="embree"))
     spp = int(about.values["spp"])
     passes = passes or min(PASSES, spp)
     if passes > spp:

@@ -74,6 +74,7 @@ def serve(order: Order, cargo: Cargo) -> Delivery:
             raise _UnwantedError
 
     root = Path(me.local_directory, "mitsuba-bsp", order.archive)
+    places: Mapping[str, Path] = {}
     try:
         if cargo.archive is not None:
             _unpack(order, cargo.archive, root)
@@ -86,13 +87,21 @@ def serve(order: Order, cargo: Cargo) -> Delivery:
             if path in cargo.files:
                 file.write_bytes(cargo.files[path])
         result = run_warmed_up(job, _warm, on_stage)
+        made = {path: places[path].read_bytes() for path in order.job.writes if places[path].is_file()}
     except JobError as error:
-        raise JobError(str(error).replace(str(root), "")) from None
-    made = {path: places[path].read_bytes() for path in order.job.writes if places[path].is_file()}
-    for file in places.values():
-        file.unlink(missing_ok=True)
-    warnings = tuple(text.replace(str(root), "") for text in result.warnings)
+        raise JobError(_told(str(error), root, places)) from None
+    finally:
+        for file in places.values():
+            file.unlink(missing_ok=True)
+    warnings = tuple(_told(text, root, places) for text in result.warnings)
     return Delivery(replace(result, warnings=warnings), made)
+
+
+def _told(text: str, root: Path, places: Mapping[str, Path]) -> str:
+    """With the paths of whoever ordered the job."""
+    for path, file in places.items():
+        text = text.replace(str(file), path)
+    return text.replace(str(root), "")
 
 
 def _unpack(order: Order, archive: bytes, root: Path) -> None:
@@ -101,7 +110,11 @@ def _unpack(order: Order, archive: bytes, root: Path) -> None:
     check = replace(
         order.job, kind="hash", scene=str(root / order.scene), params=order.params, choices=order.job.params
     )
-    found = run_job(check).values["scene_hash"]
+    found = None
+    try:
+        found = run_job(check).values["scene_hash"]
+    finally:
+        if found != order.scene_hash:
+            shutil.rmtree(root)
     if found != order.scene_hash:
-        shutil.rmtree(root)
         raise JobError(f"{order.job.scene} is another scene on {get_worker().address}: it finds other files there")

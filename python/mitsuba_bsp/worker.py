@@ -1,6 +1,7 @@
-"""The child process behind every job: `python -m mitsuba_bsp.worker ANSWER`, with the job as JSON on standard input.
+"""The child process behind every job: `python -m mitsuba_bsp.worker PARENT ANSWER`.
 
-The answer file always says how far the worker got, so that the parent can tell what killed it.
+The job is JSON on standard input. The answer file always says how far the worker got, so that the parent can tell what
+killed it.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ _PR_SET_PDEATHSIG = 1
 
 def main() -> None:
     """Do the job and write the answer: `values`, or `error` with one sentence, and always the last `stage`."""
-    _end_with_parent()
-    answer = Path(sys.argv[1])
+    _end_with_parent(int(sys.argv[1]))
+    answer = Path(sys.argv[2])
     job = Job(**json.load(sys.stdin))
     reached: dict[str, Any] = {"stage": "starting"}
 
@@ -64,10 +65,10 @@ def main() -> None:
     answer.write_text(json.dumps(reached))
 
 
-def _end_with_parent() -> None:
+def _end_with_parent(parent: int) -> None:
     """Let the system kill this process should its parent die, so that it disturbs no measurement of anyone else's."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() == 1:  # it was too late for that
+    if os.getppid() != parent:  # it was too late for that
         sys.exit(1)
 
 

@@ -47,6 +47,12 @@ TEST(Choice, FewRaysGetAQuickBuildAndNoPilots) {
     EXPECT_EQ(quick.trace_s, 0);
 }
 
+TEST(Choice, PilotsAreFlownOnlyWhereTheyCouldSaveMoreThanTheyTake) {
+    const TriangleSet set = random_soup(20000, 5);
+    EXPECT_EQ(choose(set, "3e5").reason.find("parts of"), std::string::npos);
+    EXPECT_NE(choose(set, "3e7").reason.find("parts of"), std::string::npos);
+}
+
 TEST(Choice, MoreRaysNeverGetAQuickerBuild) {
     const TriangleSet set = random_soup(3000, 1);
     double before = 0;

@@ -113,8 +113,9 @@ def _colours(scene: mi.Scene, pixels: NDArray[np.float64]) -> NDArray[np.float64
 def _reference(job: Job, stage: Callable[[str], None]) -> NDArray[np.float64]:
     """From the file that the accelerators of a scene share; the first one makes it."""
     passes = int(job.choices["reference_passes"])
-    side, name, made_of = job.resolution or 0, Path(job.scene).stem, job.header.get("scene_hash", "")[:12]
-    file = Path(job.arrays).parent / "reference" / f"{name}-{side}-{passes * (job.spp or 1)}-{made_of}.npz"
+    side, made_of = job.resolution or 0, job.header.get("scene_hash", "")[:12]
+    name = f"{Path(job.scene).stem}-{job.variant}-{side}-{passes * (job.spp or 1)}-{made_of}.npz"
+    file = Path(job.arrays).parent / "reference" / name
     if not file.is_file():
         scene, _ = construct(replace(job, spec=REFERENCE_SPEC), load(job, stage, box=True), stage)
         total = 0.0

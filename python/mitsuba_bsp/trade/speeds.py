@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contenders import build, triangles_of
 from ..jobs import Job
-from ..loading import open_file, threads
+from ..loading import open_file, thread_count
 from ..ray_jobs import record
 from ..spec import parse_spec
 from ..streams import KINDS, Stream, in_use, is_recorded, load
@@ -69,7 +69,7 @@ def _recorded(job: Job, stage: Callable[[str], None]) -> list[Stream]:
     origin = {**asked, "variant": job.variant, "scene_hash": job.header.get("scene_hash")}
     if not is_recorded(file, origin):
         file.parent.mkdir(parents=True, exist_ok=True)
-        with threads(1):
+        with thread_count(1):
             record(replace(job, streams=str(file), max_rays=int(job.choices["max_rays"]), header=origin), stage)
     return list(in_use(load(file)))
 

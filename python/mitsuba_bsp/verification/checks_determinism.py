@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from functools import cache
 
 from .. import _core
+from ..loading import thread_count
 from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .meshes import Mesh, fan, grid, slivers, soup, sphere
 from .oracle import build
-from .threads import thread_count
 
 THREADS = (1, 2, 8)
 REPEATS = 3

@@ -79,7 +79,7 @@ def _watch(command: list[str], count: int, limit_s: float) -> tuple[list[dict], 
         selector.register(process.stdout, selectors.EVENT_READ)
         rest, end = b"", time.monotonic() + limit_s
         while True:
-            if not selector.select(max(0.0, end - time.monotonic())):
+            if time.monotonic() >= end or not selector.select(end - time.monotonic()):
                 process.kill()
                 how = "hung"
                 break

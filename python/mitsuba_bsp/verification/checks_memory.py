@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from .. import _allocations
+from ..loading import thread_count
 from ..machine import available_threads
 from ..spec import parse_spec
 from ..text_table import TextTable
 from .check import Outcome, Plan, Record, Unit, check
 from .meshes import Mesh, sphere
 from .oracle import build
-from .threads import thread_count
 
 SMALLEST, GROWTH, LARGEST = 128, 1.5, 1_000_000  #: as Embree's test MemoryConsumption
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..records import ResultsFolder
 from .check import Failure, Outcome, Plan, Subject, Unit, check
 from .contest import main_subjects, names
-from .sanitizers import ADDRESS, MEMCHECK, THREAD, Tool
+from .sanitizers import ADDRESS, MEMCHECK, THREAD, Tool, sources
 from .subjects import default_subjects
 
 #: What a watched process takes more of, time and memory, is not judged.
@@ -25,7 +25,7 @@ def addresses(plan: Plan) -> Iterator[Unit]:
 
 @check("N11t", "no data race, ThreadSanitizer says")
 def races(plan: Plan) -> Iterator[Unit]:
-    return _units(plan, THREAD, 0.1, ("C01", "C07", "C14", "C15", "N10"), main_subjects(plan))
+    return _units(plan, THREAD, 0.1, ("C01", "C07", "C13", "C14", "C15", "N10"), main_subjects(plan))
 
 
 @check("N11v", "no error of memory, valgrind says")
@@ -37,10 +37,11 @@ def _units(
     plan: Plan, tool: Tool, share: float, checks: Sequence[str], subjects: tuple[Subject, ...]
 ) -> Iterator[Unit]:
     """Other checks, with `share` of their counts."""
-    yield Unit("planted mistakes", "", lambda: _unless_missing(tool) or _sees(tool))
+    version = sources()
+    yield Unit(f"planted mistakes, {version}", "", lambda: _unless_missing(tool) or _sees(tool))
     scaled = replace(plan, subjects=subjects, scale=share * plan.scale)
     for name in checks if subjects else ():
-        unit = f"{name}, {names(subjects)}"
+        unit = f"{name}, {names(subjects)}, {version}"
         yield Unit(unit, "", lambda name=name: _unless_missing(tool) or _watch(scaled, tool, name))
 
 
@@ -82,7 +83,7 @@ def _watch(plan: Plan, tool: Tool, name: str) -> Outcome:
         outcome.expect("end", process.returncode in (0, 1) and bool(rows), sentence)
     for row in rows:
         wrong = sum(count for family, count in row["wrong"].items() if row["judged"] and family not in MEASURED)
-        outcome.add("answers", 0, wrong, lambda row=row: Failure(f"{tool.name}: {row['failures'][0]}"))
+        outcome.add("answers", 0, wrong, lambda row=row: Failure(f"{tool.name}: {row['failures'] or row['wrong']}"))
     return outcome
 
 

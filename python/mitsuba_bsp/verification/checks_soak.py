@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from ..loading import thread_count
 from .check import Outcome, Plan, Subject, Unit, check
 from .checks_fuzz import KINDS, aimed_rays, garbage_mesh
 from .contest import main_subjects
 from .meshes import soup
 from .oracle import answered, build, differing
-from .threads import thread_count
 
 BUILDS, PER_UNIT = 100_000, 5_000
 MOST_TRIANGLES = 12

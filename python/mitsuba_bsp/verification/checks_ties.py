@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 
+from ..loading import thread_count
 from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .judge import enter
 from .meshes import Mesh, boxes, soup
 from .oracle import Questions, answered, build, differing
 from .rays import FAMILIES, in_turns
-from .threads import thread_count
 
 RAYS = 1_000
 COPIES = (2, 3, 64, 10_000)

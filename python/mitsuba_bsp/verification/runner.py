@@ -6,21 +6,22 @@ import hashlib
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from .. import _core
+from ..loading import thread_count
 from ..machine import available_threads, describe
 from ..messages import one_sentence
 from ..records import ResultsFolder, append
 from .check import Check, Failure, Outcome, Plan, Record, Unit, rate_bound
-from .threads import thread_count
 
 #: A unit is finished if a record agrees with it in these.
 _IDENTITY = ("check", "unit", "spec_full", "seed", "scale", "share", "sources")
+_Identity = tuple[Any, ...]
 
 
 class Listener:
@@ -104,28 +105,31 @@ def run(checks: Sequence[Check], plan: Plan, listener: Listener) -> list[Result]
         units = {_identity(check, unit, plan): unit for unit in check.units(plan)}
         todo = {key: unit for key, unit in units.items() if key not in finished}
         listener.begin(check, len(units), len(units) - len(todo))
-        for (key, unit), found in zip(todo.items(), _outcomes(check, list(todo.values()), listener), strict=True):
-            finished[key] = _record(check, unit, plan, *found)
+        for key, found in _outcomes(check, todo, listener):
+            finished[key] = _record(check, todo[key], plan, *found)
             listener.unit_done()
         results.append(Result(check, tuple(finished[key] for key in units)))
         listener.end(results[-1])
     return results
 
 
-def _outcomes(check: Check, units: Sequence[Unit], listener: Listener) -> Iterator[tuple[Outcome, float]]:
-    """What each unit finds and the seconds it took, in their order."""
+def _outcomes(
+    check: Check, units: Mapping[_Identity, Unit], listener: Listener
+) -> Iterator[tuple[_Identity, tuple[Outcome, float]]]:
+    """What each unit finds and the seconds it took, as soon as it is known."""
     if not check.at_once:
-        for unit in units:
+        for key, unit in units.items():
             listener.unit(f"{check.id} {unit.name}")
-            yield run_unit(unit)
+            yield key, run_unit(unit)
         return
     pool = ThreadPoolExecutor(available_threads())
     with thread_count(1):  # each of ours does its own work; more would wait for it, and busily
         try:
-            started = [pool.submit(run_unit, unit) for unit in units]
-            for unit, future in zip(units, started, strict=True):
-                listener.unit(f"{check.id} {unit.name}")
-                yield future.result()
+            started = {pool.submit(run_unit, unit): key for key, unit in units.items()}
+            for future in as_completed(started):
+                key = started[future]
+                listener.unit(f"{check.id} {units[key].name}")
+                yield key, future.result()
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -173,12 +177,12 @@ def _kept(failure: Failure, check: Check, plan: Plan) -> str:
     return f"{failure.text}; replay it: mitsuba-bsp verify --replay {file}"
 
 
-def _identity(check: Check, unit: Unit, plan: Plan) -> tuple[Any, ...]:
+def _identity(check: Check, unit: Unit, plan: Plan) -> _Identity:
     full = plan.full_name(unit.spec)
     return check.id, unit.name, full, plan.seed, plan.scale, plan.share_of(unit.spec), _sources()
 
 
-def _finished(plan: Plan) -> dict[tuple[Any, ...], Record]:
+def _finished(plan: Plan) -> dict[_Identity, Record]:
     """The records of earlier runs into the folder; units that were skipped or ended in an exception are tried again."""
     if plan.folder is None:
         return {}

@@ -5,6 +5,7 @@ Only `_core` and `_allocations` are watched: Python, Mitsuba and the thread pool
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -68,6 +69,15 @@ def _memcheck_reports(folder: Path) -> list[str]:
                 place = f"{ours[0].findtext('file')}:{ours[0].findtext('line')} in {ours[0].findtext('fn')}"
                 found.append(f"{what} {place}")
     return found
+
+
+def sources() -> str:
+    """What tells apart the sources that are compiled and watched, a few digits; "" where there are none."""
+    digest = hashlib.sha256()
+    files = [file for file in Path("plugin").rglob("*") if file.is_file()]
+    for file in (*sorted(files), Path(__file__).with_name("thread.supp")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:6] if files else ""
 
 
 @dataclass(frozen=True, eq=False)

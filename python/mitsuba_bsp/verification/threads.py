@@ -1,28 +1,14 @@
-"""How many threads build and trace, and what threads of checks compute for one another."""
+"""What threads of checks compute for one another."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future
-from contextlib import contextmanager
 from functools import wraps
 from threading import Lock
 from typing import ParamSpec, TypeVar
 
-import drjit
-
 P, T = ParamSpec("P"), TypeVar("T")
-
-
-@contextmanager
-def thread_count(count: int) -> Iterator[None]:
-    """The pool that the core shares with Mitsuba has so many threads while it lives."""
-    before = drjit.thread_count()
-    drjit.set_thread_count(count)
-    try:
-        yield
-    finally:
-        drjit.set_thread_count(before)
 
 
 def shared(size: int | None = None) -> Callable[[Callable[P, T]], Callable[P, T]]:
@@ -44,6 +30,7 @@ def shared(size: int | None = None) -> Callable[[Callable[P, T]], Callable[P, T]
                 try:
                     answer.set_result(function(*args, **kwargs))
                 except BaseException as error:
+                    kept.pop(key, None)  # whoever comes later tries again
                     answer.set_exception(error)
             return answer.result()
 
