@@ -183,6 +183,12 @@ MEMCHECK = Tool(
     {"CMAKE_BUILD_TYPE": "RelWithDebInfo", "CMAKE_CXX_FLAGS_RELWITHDEBINFO": "-O1 -g1"},
     program="valgrind",
     environment=lambda _: {"PYTHONMALLOC": "malloc"},
-    command=lambda folder: ("valgrind", "--quiet", "--show-leak-kinds=none", "--xml=yes", f"--xml-file={folder}/report.%p"),
+    command=lambda folder: (
+        "valgrind",
+        "--quiet",
+        "--show-leak-kinds=none",
+        "--xml=yes",
+        f"--xml-file={folder}/report.%p",
+    ),
     reports=_memcheck_reports,
 )
