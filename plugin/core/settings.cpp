@@ -109,6 +109,7 @@ constexpr std::array<Word<TreeKind>, 8> tree_words{{{"auto", TreeKind::automatic
                                                     {"normals", TreeKind::normals},
                                                     {"clustered", TreeKind::clustered},
                                                     {"brute", TreeKind::brute}}};
+static_assert(tree_words.size() == std::size_t(TreeKind::brute) + 1 && tree_words.back().value == TreeKind::brute);
 constexpr std::array<Word<AxesPolicy>, 3> axes_words{
     {{"none", AxesPolicy::none}, {"plain", AxesPolicy::plain}, {"fast", AxesPolicy::fast}}};
 constexpr std::array<Word<OrientationKind>, 2> orientation_words{
@@ -476,9 +477,9 @@ TreeTraits traits_of(const Settings &s) {
     case TreeKind::clustered:
         return {besides + "the centres of a clustering of the node's normals", true, true, swept, axes};
     case TreeKind::brute:
-        break;
+        return {"none: every triangle is tested", false, false, 0, 0};
     }
-    return {"none: every triangle is tested", false, false, 0, 0};
+    throw std::logic_error("a tree that says nothing of itself");
 }
 
 } // namespace bsp

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <stdexcept>
 
 #include "fixed_directions.h"
 
@@ -213,7 +214,7 @@ std::unique_ptr<SplitSource> make_split_source(const Settings &settings) {
     case TreeKind::brute:
         return nullptr;
     }
-    return nullptr;
+    throw std::logic_error("a tree that nobody makes a split source for");
 }
 
 } // namespace bsp

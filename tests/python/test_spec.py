@@ -5,12 +5,17 @@ from __future__ import annotations
 import pytest
 
 from mitsuba_bsp import parse_spec, specs
+from mitsuba_bsp.figures import COLOURS
 from mitsuba_bsp.spec import Setting
 
 
 def test_names_are_mitsubas_accelerators_and_our_trees() -> None:
     assert list(specs())[:2] == ["embree", "native"]
     assert {"kd", "ize", "random", "normals", "clustered", "brute"} <= set(specs())
+
+
+def test_every_accelerator_has_a_colour_in_figures() -> None:
+    assert set(specs()) == set(COLOURS)
 
 
 def test_a_spec_keeps_its_text_and_knows_all_settings() -> None:

@@ -11,6 +11,7 @@ from .meshes import small_meshes
 from .oracle import build, differing, found, plane_questions, questions
 
 RAYS_PER_FAMILY = 2_000
+LEAST_RAYS = 1_000  #: however small the counts: fewer do not see all mistakes
 LAYOUTS = ("wide", "binary")
 
 
@@ -28,7 +29,7 @@ def _hunt(plan: Plan, spec: str, fault: str) -> Outcome:
     seen, rays = "", 0
     for mesh in small_meshes():
         tree = build(mesh, parse_spec(spec), fault)
-        count = plan.count(RAYS_PER_FAMILY)
+        count = max(LEAST_RAYS, plan.count(RAYS_PER_FAMILY))
         for asked in (*questions(mesh, count, plan.seed), plane_questions(mesh, tree, count, plan.seed)):
             wrong = differing(tree.closest(*asked.rays), asked.expected)
             wrong |= tree.any(*asked.rays).astype(bool) != found(asked.expected)
