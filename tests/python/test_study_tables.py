@@ -12,6 +12,7 @@ from fake_workers import Workers, study
 from mitsuba_bsp.records import ResultsFolder
 from mitsuba_bsp.studies import STUDIES
 from mitsuba_bsp.studies.claim_list import CLAIMS
+from mitsuba_bsp.studies.comparison import Findings, as_measured
 from mitsuba_bsp.studies.cost import RULES, prices
 from mitsuba_bsp.studies.runs import RENDER, Runs
 from mitsuba_bsp.thesis import PUBLISHED, PUBLISHED_BY_K, PUBLISHED_TREES, published_scene
@@ -89,6 +90,14 @@ class TestComparison:
         found = row(out, "what was published, and what is found", "normals:k=6,axes=fast,cost=thesis", "R")
         assert found[2:4] == ["less than kd", "open"]
         assert found[4] == "only other scenes were measured; another scene: feet 51 %"
+
+    def test_a_tree_is_known_however_it_is_written(self, out: Path) -> None:
+        runs = Runs(ResultsFolder(out).records())
+        assert "normals:k=6,axes=fast" in runs.trees
+        assert as_measured(runs, "normals") == "normals:k=6,axes=fast"
+        assert as_measured(runs, "normals:k=7") == "normals:k=7"
+        found = Findings(runs, "feet", 0.0)
+        assert found.published("normals:cost=thesis") == found.published("normals:k=6,axes=fast,cost=thesis") != {}
 
     def test_leaves_and_kd_nodes(self, out: Path) -> None:
         assert row(out, "feet: leaves by their number", "kd")[1:7] == ["4", "1.50", "10.00", "25.0%", "25.0%", "50.0%"]

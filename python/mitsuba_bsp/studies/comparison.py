@@ -68,6 +68,16 @@ def with_setting(tree: str, setting: str) -> str:
     return f"{tree}{',' if ':' in tree else ':'}{setting}" if setting else tree
 
 
+def same_tree(one: str, other: str) -> bool:
+    """Whether two specs mean the same, however they are written."""
+    return spec_of(one).full == spec_of(other).full
+
+
+def as_measured(runs: Runs, tree: str) -> str:
+    """The tree as it is called in the records, if it is there."""
+    return next((known for known in runs.trees if same_tree(known, tree)), tree)
+
+
 def default_trees() -> list[str]:
     """Every tree, built every way."""
     return [with_setting(tree, added) for added in WAYS.values() for tree in ("kd", *PUBLISHED_TREES)]
@@ -136,7 +146,8 @@ class Findings:
 
     def published(self, tree: str) -> dict[str, float]:
         """What the thesis says about a tree on the scene, or on the one that it stands in for, in percent of kd's."""
-        found = PUBLISHED.get(self.published_scene, {}).get(tree)
+        trees = PUBLISHED.get(self.published_scene, {})
+        found = next((trees[known] for known in trees if same_tree(known, tree)), None)
         return {"R": found.render, "B": 100 * found.build, "I": found.tests, "T": found.steps} if found else {}
 
 

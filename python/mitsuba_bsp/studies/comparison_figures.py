@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..figures import COLOURS, GUIDE, new_figure, plain
 from ..spec import parse_spec
 from ..thesis import PUBLISHED_TREES
-from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, with_setting
+from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, as_measured, with_setting
 from .runs import Runs
 from .tree_shapes import axis_node_shares, tree_row
 
@@ -54,7 +54,7 @@ def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str,
     for tree, place in names.items():
         colour = COLOURS[parse_spec(tree).name]
         for shift, (way, added) in zip((0.22, 0, -0.22), WAYS.items(), strict=True):
-            evidence = found.evidence(with_setting(tree, added), quantity)
+            evidence = found.evidence(as_measured(found.runs, with_setting(tree, added)), quantity)
             if evidence:
                 ratio = evidence.effect.ratio
                 panel.plot([100 * ratio.low, 100 * ratio.high], [place + shift] * 2, color=colour, linewidth=1)
@@ -63,7 +63,8 @@ def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str,
             panel.plot(
                 theirs[quantity], place + 0.22, "o", markersize=7, fillstyle="none", color="0.3", label="published"
             )
-    panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    low, high = panel.get_xlim()
+    panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 30 * low else (1,)))
     panel.xaxis.set_major_formatter("{x:g}")
     panel.xaxis.set_minor_formatter("")
     plain(panel)
@@ -76,7 +77,7 @@ def depth_figure(runs: Runs) -> Figure:
     for line, scene in zip(grid, runs.scenes, strict=True):
         for panel, (way, added) in zip(line, WAYS.items(), strict=True):
             for tree in PUBLISHED_TREES:
-                row = tree_row(runs, scene, with_setting(tree, added))
+                row = tree_row(runs, scene, as_measured(runs, with_setting(tree, added)))
                 if row and "axes=plain" not in tree:
                     shares = [(depth, 100 * s) for depth, s in enumerate(axis_node_shares(row)) if s is not None]
                     name = parse_spec(tree).name
