@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -66,13 +68,24 @@ def _faults(plan: Plan, subject: Subject, triangles: int, share: float) -> Outco
     _build(subject, mesh)  # what is allocated once and kept, by whomever, is there now
     _build(subject, mesh)
     allocations, peak = _allocations.allocations(), _allocations.peak_bytes()
-    for fault in FAULTS:
-        last = peak if fault.option == "max_bytes" else allocations
-        for index in range(max(1, round(plan.count(fault.builds, subject) * share))):
-            _try(outcome, subject, mesh, fault, int(rng.integers(1, last)), cached=index % CACHED == 0)
+    with _interruptible():
+        for fault in FAULTS:
+            last = peak if fault.option == "max_bytes" else allocations
+            for index in range(max(1, round(plan.count(fault.builds, subject) * share))):
+                _try(outcome, subject, mesh, fault, int(rng.integers(1, last)), cached=index % CACHED == 0)
     _build(subject, mesh)
     outcome.figures = {"allocations": allocations, "peak bytes per triangle": round(peak / triangles, 1)}
     return outcome
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Ctrl-C raises KeyboardInterrupt, also in what a shell has started in the background, where it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _build(subject: Subject, mesh: Mesh, folder: str = "", **when: int) -> None:
