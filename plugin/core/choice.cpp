@@ -102,7 +102,7 @@ TriangleSet neighbourhood(const TriangleSet &set, std::uint32_t middle, std::siz
     return part;
 }
 
-Pilots fly_pilots(const TriangleSet &set, std::uint64_t seed, BuildMonitor *monitor) {
+Pilots fly_pilots(const TriangleSet &set, const Orientation &orientation, std::uint64_t seed, BuildMonitor *monitor) {
     const std::size_t n = set.valid.size();
     Pilots pilots = plan_pilots(n);
     Settings kd = make_settings("kd", {}), normals = make_settings("normals", {});
@@ -117,7 +117,9 @@ Pilots fly_pilots(const TriangleSet &set, std::uint64_t seed, BuildMonitor *moni
         for (std::size_t i = begin; i < end; ++i) {
             if (monitor)
                 monitor->check();
-            const TriangleSet part = neighbourhood(set, middles[i], pilots.size, nearest);
+            TriangleSet part = neighbourhood(set, middles[i], pilots.size, nearest);
+            if (orientation.turns())
+                part = orientation.seen(part);
             found[i] = {expected_work(build_tree(part, kd)), expected_work(build_tree(part, normals))};
         }
     });
@@ -199,7 +201,7 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
     const double hoped_for_s =
         best_candidate(n, ray_s, rays, {}).total_s() - best_candidate(n, ray_s, rays, hoped_for_ratio).total_s();
     if (aligned < axis_aligned && hoped_for_s > pilots_share * kd_build_seconds(n)) {
-        const Pilots pilots = fly_pilots(orientation.turns() ? orientation.seen(set) : set, settings.seed, monitor);
+        const Pilots pilots = fly_pilots(set, orientation, settings.seed, monitor);
         ray_s = kd_ray_seconds(pilots.kd_ns(), levels);
         ratio = pilots.ratio();
         reason << ", " << pilots.count << " parts of " << pilots.size << " triangles cost rays " << *ratio

@@ -72,12 +72,13 @@ def run_with_bar(
                 measure(options, bar, scheduler)
             status = JOB_FAILED if bar.failures else OK
         except KeyboardInterrupt:
-            say("interrupted", _kept(options), "red")
             status = INTERRUPTED
         except ValueError as error:
             if ResultsFolder(options.out).records():
                 raise ValueError(f"{error}; {_kept(options)}") from None
             raise
+    if status == INTERRUPTED:
+        say("interrupted", _kept(options), "red")
     return bar, status
 
 

@@ -110,11 +110,9 @@ def _unpack(order: Order, archive: bytes, root: Path) -> None:
     check = replace(
         order.job, kind="hash", scene=str(root / order.scene), params=order.params, choices=order.job.params
     )
-    found = None
     try:
-        found = run_job(check).values["scene_hash"]
-    finally:
-        if found != order.scene_hash:
-            shutil.rmtree(root)
-    if found != order.scene_hash:
-        raise JobError(f"{order.job.scene} is another scene on {get_worker().address}: it finds other files there")
+        if run_job(check).values["scene_hash"] != order.scene_hash:
+            raise JobError(f"{order.job.scene} is another scene on {get_worker().address}: it finds other files there")
+    except JobError:
+        shutil.rmtree(root)
+        raise

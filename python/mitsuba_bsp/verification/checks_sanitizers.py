@@ -84,7 +84,8 @@ def _watch(plan: Plan, tool: Tool, name: str) -> Outcome:
         outcome.expect("end", process.returncode in (0, 1) and bool(rows), sentence)
     for row in rows:
         wrong = sum(count for family, count in row["wrong"].items() if row["judged"] and family not in MEASURED)
-        outcome.add("answers", 0, wrong, lambda row=row: Failure(f"{tool.name}: {row['failures'] or row['wrong']}"))
+        said = "; ".join(row["failures"]) or row["wrong"]
+        outcome.add("answers", 0, wrong, lambda said=said: Failure(f"{tool.name}: {said}"))
     return outcome
 
 
