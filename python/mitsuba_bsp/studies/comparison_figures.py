@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..figures import COLOURS, GUIDE, new_figure, plain
 from ..spec import parse_spec
 from ..thesis import PUBLISHED_TREES
-from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, as_measured, with_setting
+from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, as_measured, way_of, with_setting
 from .runs import Runs
 from .tree_shapes import axis_node_shares, tree_row
 
@@ -72,21 +72,23 @@ def _draw_quantity(panel: Axes, found: Findings, quantity: str, names: dict[str,
 
 def depth_figure(runs: Runs) -> Figure:
     """The share of kd nodes by depth, a panel a scene and way."""
-    figure = new_figure(3.4 * len(WAYS), 0.9 + 2.4 * len(runs.scenes))
-    grid = figure.subplots(len(runs.scenes), len(WAYS), sharex="row", sharey=True, squeeze=False)
+    measured = {way_of(tree) for tree in runs.trees}
+    ways = {way: added for way, added in WAYS.items() if way in measured}
+    figure = new_figure(3.4 * len(ways), 0.9 + 2.4 * len(runs.scenes))
+    grid = figure.subplots(len(runs.scenes), len(ways), sharex="row", sharey=True, squeeze=False)
+    drawn: dict[str, Line2D] = {}
     for line, scene in zip(grid, runs.scenes, strict=True):
-        for panel, (way, added) in zip(line, WAYS.items(), strict=True):
+        for panel, (way, added) in zip(line, ways.items(), strict=True):
             for tree in PUBLISHED_TREES:
                 row = tree_row(runs, scene, as_measured(runs, with_setting(tree, added)))
                 if row and "axes=plain" not in tree:
                     shares = [(depth, 100 * s) for depth, s in enumerate(axis_node_shares(row)) if s is not None]
                     name = parse_spec(tree).name
-                    panel.plot(*zip(*shares, strict=True), color=COLOURS[name], linewidth=1.3, label=name)
+                    (drawn[name],) = panel.plot(*zip(*shares, strict=True), color=COLOURS[name], linewidth=1.3)
             panel.set_title(f"{scene}, {way}", fontsize=10)
             plain(panel)
         line[0].set_ylabel("% of interior nodes\nthat are kd nodes")
     for panel in grid[-1]:
         panel.set_xlabel("depth")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=5, frameon=False)
     return figure
