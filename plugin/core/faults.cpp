@@ -22,6 +22,7 @@ constexpr NamedFault faults[] = {
     {"wrong_side", pack_tree<WoopTest, Mode::wrong_side>},
     {"signed_zero", pack_tree<WoopTest, Mode::signed_zero>},
     {"small_bound", pack_tree<WoopTest, Mode::small_bound>},
+    {"small_moment", pack_tree<WoopTest, Mode::small_moment>},
     {"no_bound", pack_tree<WoopTest, Mode::fast>}, // what `precision=fast` does on purpose
     {"early_out", pack_tree<WoopTest, Mode::early_out>},
     {"short_stack", pack_tree<WoopTest, Mode::short_stack>},

@@ -26,6 +26,8 @@ struct Float8 {
     Float8 operator/(Float8 o) const { return {_mm256_div_ps(v, o.v)}; }
     Float8 operator&(Float8 o) const { return {_mm256_and_ps(v, o.v)}; }
     Float8 operator|(Float8 o) const { return {_mm256_or_ps(v, o.v)}; }
+    Float8 operator^(Float8 o) const { return {_mm256_xor_ps(v, o.v)}; }
+    Float8 and_not(Float8 o) const { return {_mm256_andnot_ps(o.v, v)}; }
     Float8 operator<(Float8 o) const { return {_mm256_cmp_ps(v, o.v, _CMP_LT_OQ)}; }
     Float8 operator<=(Float8 o) const { return {_mm256_cmp_ps(v, o.v, _CMP_LE_OQ)}; }
     Float8 operator>(Float8 o) const { return {_mm256_cmp_ps(v, o.v, _CMP_GT_OQ)}; }
@@ -40,6 +42,7 @@ inline Float8 max(Float8 a, Float8 b) { return {_mm256_max_ps(a.v, b.v)}; }
 inline Float8 fmadd(Float8 a, Float8 b, Float8 c) { return {_mm256_fmadd_ps(a.v, b.v, c.v)}; }
 inline Float8 fmsub(Float8 a, Float8 b, Float8 c) { return {_mm256_fmsub_ps(a.v, b.v, c.v)}; }
 inline Float8 fnmadd(Float8 a, Float8 b, Float8 c) { return {_mm256_fnmadd_ps(a.v, b.v, c.v)}; }
+inline Float8 fnmsub(Float8 a, Float8 b, Float8 c) { return {_mm256_fnmsub_ps(a.v, b.v, c.v)}; }
 
 inline float fmadd(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
 inline float fmsub(float a, float b, float c) { return __builtin_fmaf(a, b, -c); }

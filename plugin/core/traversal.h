@@ -39,6 +39,7 @@ enum class Mode {
     wrong_side,        ///< an origin in the plane visits one side only
     signed_zero,       ///< the sign of a zero direction component is ignored when children are ordered
     small_bound,       ///< a bound sixteen times too small
+    small_moment,      ///< a bound sixteen times too small where triangles behind the origin are left out
     early_out,         ///< the first hit ends the search
     short_stack,       ///< the stack loses what does not fit
 };
@@ -174,35 +175,39 @@ template <Mode mode> struct RayFrame {
     }
 };
 
-/// Offers the triangles of a leaf's blocks to the query; true if the search is over. All blocks are looked at before a
-/// triangle is decided, so that a leaf has one loop whose end must be guessed, not one for each block.
-template <Mode mode, typename Test, typename Query, typename Counting>
-[[gnu::always_inline]] inline bool visit_blocks(const TriangleBlock *block, std::uint32_t count, const Test &test,
-                                                Query &query, Counting counting) {
-    if constexpr (Counting::counts) {
-        ++counting.counters.leaves;
-        for (std::uint32_t i = 0; i < count; ++i)
-            counting.counters.triangle_tests += block[i].triangle_count();
+/// The largest size (without signs) of three numbers, in each lane.
+template <Simd simd> struct LargestSize;
+template <> struct LargestSize<Simd::avx2> {
+    [[gnu::always_inline]] static Float8 of(const Float8 (&x)[3]) {
+        const Float8 sign = Float8::all(-0.0f);
+        return max(max(x[0].and_not(sign), x[1].and_not(sign)), x[2].and_not(sign));
     }
-    constexpr std::uint32_t at_once = 64 / TriangleBlock::width;
-    for (std::uint32_t now; count > 0; count -= now, block += now) {
-        now = std::min(count, at_once);
-        std::uint64_t lanes = 0;
-        for (std::uint32_t i = 0; i < now; ++i)
-            lanes |= std::uint64_t(test.candidates(block[i])) << (TriangleBlock::width * i);
-        for (; lanes != 0; lanes &= lanes - 1) {
-            const unsigned lane = unsigned(__builtin_ctzll(lanes));
-            const TriangleBlock &owner = block[lane / TriangleBlock::width];
-            const std::uint32_t id = owner.ids[lane % TriangleBlock::width];
-            if (id == query.known())
-                continue;
-            const TriangleHit hit = test.intersect(TriangleBlock::Lane{owner, lane % TriangleBlock::width});
-            if (query.template offer<mode>(hit, id))
-                return true;
-        }
+};
+template <> struct LargestSize<Simd::avx512> {
+    [[gnu::always_inline]] BSP_AVX512 static Float8 of(const Float8 (&x)[3]) {
+        constexpr int largest = 0b1011; // of the sizes, without sign
+        return {_mm256_range_ps(_mm256_range_ps(x[0].v, x[1].v, largest), x[2].v, largest)};
     }
-    return false;
-}
+};
+
+/// The search through a leaf with one instruction set.
+template <Simd simd> struct LeafSearch;
+
+} // namespace bsp
+
+// Once for each instruction set: a function only inlines what asks for no more than itself.
+#define BSP_SIMD Simd::avx2
+#define BSP_TARGET
+#include "leaf_search.h"
+#undef BSP_SIMD
+#undef BSP_TARGET
+#define BSP_SIMD Simd::avx512
+#define BSP_TARGET BSP_AVX512
+#include "leaf_search.h"
+#undef BSP_SIMD
+#undef BSP_TARGET
+
+namespace bsp {
 
 /// Where a ray meets the planes of one direction: t = (offset - start) * inverse, give or take `slack`.
 struct Approach {
@@ -299,7 +304,8 @@ Query traverse(const BinaryLayout &layout, const ScaledRay &scaled, Query query,
         }
         if (const std::uint32_t count = word.triangle_count()) {
             const std::uint32_t blocks = (count + TriangleBlock::width - 1) / TriangleBlock::width;
-            if (visit_blocks<mode>(layout.blocks.data() + word.index(), blocks, test, query, counting))
+            if (LeafSearch<Simd::avx2>::run<mode>(layout.blocks.data() + word.index(), blocks, entry, test, query,
+                                                  counting))
                 return query;
         }
         do {

@@ -54,6 +54,11 @@ struct alignas(32) TriangleBlock {
 
     Float8 load(std::size_t vertex, std::size_t axis) const { return Float8::load(vertices[vertex][axis]); }
 
+    /// The first vertices' coordinates along an axis; those of the second are `vertex_size` floats behind. Three
+    /// pointers are all that a loop over blocks needs.
+    const float *axis(std::size_t axis) const { return &vertices[0][0][0] + axis * width; }
+    static constexpr std::size_t vertex_size = 3 * width;
+
     /// One of its triangles, by coordinates.
     struct Lane {
         const TriangleBlock &block;

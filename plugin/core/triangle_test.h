@@ -39,25 +39,57 @@ public:
         m_y = after_axis[m_z];
         m_shear_x = Float8::all(ray.d[m_x] / ray.d[m_z]);
         m_shear_y = Float8::all(ray.d[m_y] / ray.d[m_z]);
+        m_toward = Float8::all(std::copysign(0.f, ray.d[m_z]));
         m_inverse_z = 1.0 / double(ray.d[m_z]);
         m_origin_x = Float8::all(ray.o[m_x]);
         m_origin_y = Float8::all(ray.o[m_y]);
         m_origin_z = Float8::all(ray.o[m_z]);
     }
 
+    /// Eight triangles as the ray sees them, and their edge functions.
+    struct Edges {
+        Float8 x[3], y[3], z[3], u, v, w;
+        Float8 none_negative, none_positive; ///< of u, v and w
+
+        /// Whether the ray's line may hit a triangle.
+        Float8 inside() const { return none_negative | none_positive; }
+    };
+
+    [[gnu::always_inline]] Edges edges(const TriangleBlock &block) const {
+        Edges e;
+        const float *const x = block.axis(m_x), *const y = block.axis(m_y), *const z = block.axis(m_z);
+        for (std::size_t i = 0; i < 3; ++i) {
+            const std::size_t vertex = i * TriangleBlock::vertex_size;
+            e.z[i] = Float8::load(z + vertex) - m_origin_z;
+            e.x[i] = fnmadd(m_shear_x, e.z[i], Float8::load(x + vertex) - m_origin_x);
+            e.y[i] = fnmadd(m_shear_y, e.z[i], Float8::load(y + vertex) - m_origin_y);
+        }
+        e.u = e.x[2] * e.y[1] - e.y[2] * e.x[1];
+        e.v = e.x[0] * e.y[2] - e.y[0] * e.x[2];
+        e.w = e.x[1] * e.y[0] - e.y[1] * e.x[0];
+        e.none_negative = min(min(e.u, e.v), e.w) >= Float8::all(0);
+        e.none_positive = max(max(e.u, e.v), e.w) <= Float8::all(0);
+        return e;
+    }
+
     /// A set bit for every triangle of the block that the ray's line may hit, and for few others.
     [[gnu::always_inline]] unsigned candidates(const TriangleBlock &block) const {
-        Float8 x[3], y[3];
-        for (std::size_t i = 0; i < 3; ++i) {
-            const Float8 z = block.load(i, m_z) - m_origin_z;
-            x[i] = fnmadd(m_shear_x, z, block.load(i, m_x) - m_origin_x);
-            y[i] = fnmadd(m_shear_y, z, block.load(i, m_y) - m_origin_y);
-        }
-        const Float8 u = x[2] * y[1] - y[2] * x[1];
-        const Float8 v = x[0] * y[2] - y[0] * x[2];
-        const Float8 w = x[1] * y[0] - y[1] * x[0];
-        const Float8 zero = Float8::all(0);
-        return ((min(min(u, v), w) >= zero) | (max(max(u, v), w) <= zero)).bits();
+        return edges(block).inside().bits();
+    }
+
+    static constexpr float moment_units = 32; ///< 24 and what rounding may take from them
+
+    /// Whether the ray's line certainly hits a triangle behind the ray's origin, if it hits it: most rays start on a
+    /// surface, which is there, as are those close behind it. t has the sign of d_z (u z_0 + v z_1 + w z_2) / (u + v +
+    /// w). Let X, Y and Z be the largest size of an x, a y and a z, and the unit 2^-24 X Y: an edge function errs by 4
+    /// units, the sum by 12 Z for that and by 12 Z for its own products and sums; `moment_units` is what to allow. What
+    /// is flushed to zero is below 2^-100. What is not finite is not behind.
+    [[gnu::always_inline]] Float8 behind(const Edges &e, Float8 largest_x, Float8 largest_y, Float8 largest_z,
+                                         float units) const {
+        const Float8 moment = fmadd(e.w, e.z[2], fmadd(e.v, e.z[1], e.u * e.z[0]));
+        const Float8 tiny = Float8::all(0x1p-100f);
+        const Float8 least = fnmsub(fmadd(largest_x * largest_y, Float8::all(units * 0x1p-24f), tiny), largest_z, tiny);
+        return (moment ^ m_toward ^ Float8::all(-0.0f).and_not(e.none_negative)) < least;
     }
 
     /// No branches: whether a triangle is hit can hardly be predicted.
@@ -94,7 +126,7 @@ private:
     }
 
     std::size_t m_x, m_y, m_z;
-    Float8 m_origin_x, m_origin_y, m_origin_z, m_shear_x, m_shear_y; ///< each in all lanes
+    Float8 m_origin_x, m_origin_y, m_origin_z, m_shear_x, m_shear_y, m_toward; ///< each in all lanes
     double m_inverse_z;
 };
 

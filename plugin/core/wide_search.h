@@ -27,16 +27,17 @@ template <> struct WideSearch<BSP_SIMD> {
                 if (!next.child.is_leaf() && (Query::is_any || next.begin <= query.limit()) &&
                     stack.has_room_for(WideStack::reserve)) {
                     stack.drop();
-                    const WideCut cut = pass(layout, next, wide, counting);
+                    const WideCut cut = pass<Query::is_any>(layout, next, wide, counting);
                     push<mode>(cut, cut.lanes, stack);
                 }
-                const WideCut cut = pass(layout, cell, wide, counting);
+                const WideCut cut = pass<Query::is_any>(layout, cell, wide, counting);
                 if (cut.lanes != 0) {
                     cell = descend<mode, Query::is_any>(cut, stack);
                     continue;
                 }
-            } else if (visit_blocks<mode>(layout.blocks.data() + cell.child.index(), cell.child.block_count(), test,
-                                          query, counting)) {
+            } else if (LeafSearch<BSP_SIMD>::template run<mode>(layout.blocks.data() + cell.child.index(),
+                                                                cell.child.block_count(), cell.begin, test, query,
+                                                                counting)) {
                 return query;
             }
             do {
@@ -49,14 +50,14 @@ template <> struct WideSearch<BSP_SIMD> {
     }
 
 private:
-    template <Mode mode, typename Counting>
+    template <bool is_any, Mode mode, typename Counting>
     [[gnu::always_inline]] BSP_TARGET static WideCut pass(const WideLayout &layout, const WideCell &cell,
                                                           const WideRay<mode> &ray, Counting counting) {
         const WideLine *const line = layout.lines.data() + cell.child.index();
         const bool is_oblique = cell.child.is_oblique();
         if constexpr (Counting::counts)
             ++(is_oblique ? counting.counters.oblique_steps : counting.counters.axis_steps);
-        return Lanes::cut(line->node, WideMeet::planes(line, is_oblique, ray), cell.begin, cell.end);
+        return Lanes::template cut<!is_any>(line->node, WideMeet::planes(line, is_oblique, ray), cell.begin, cell.end);
     }
 
     /// Lets the cells in `lanes` wait.
@@ -68,8 +69,9 @@ private:
                    Lanes::together(cut.end, lanes), unsigned(__builtin_popcount(lanes)));
     }
 
-    /// The cell to go on with: the nearest, or for any hit the farthest. A shadow ray starts on a surface, among what
-    /// it has just missed; where it ends it is more likely to be stopped early. The others wait; there must be one.
+    /// The cell to go on with: the nearest, or for any hit one behind the first plane. A shadow ray starts on a
+    /// surface, among what it has just missed; where it ends it is more likely to be stopped early. The others wait;
+    /// there must be one.
     template <Mode mode, bool is_any>
     [[gnu::always_inline]] BSP_TARGET static WideCell descend(const WideCut &cut, WideStack &stack) {
         alignas(32) std::uint32_t children[8];
@@ -77,7 +79,8 @@ private:
         _mm256_store_si256(reinterpret_cast<__m256i *>(children), cut.children);
         _mm256_store_ps(begins, cut.begin.v);
         _mm256_store_ps(ends, cut.end.v);
-        const unsigned chosen = is_any ? unsigned(__builtin_ctz(cut.lanes)) : 31 - unsigned(__builtin_clz(cut.lanes));
+        const unsigned highest = 31 - unsigned(__builtin_clz(cut.lanes));
+        const unsigned chosen = is_any && cut.is_downward ? unsigned(__builtin_ctz(cut.lanes)) : highest;
         push<mode>(cut, cut.lanes ^ 1u << chosen, stack);
         return {WideChild(children[chosen]), begins[chosen], ends[chosen]};
     }

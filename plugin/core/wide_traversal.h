@@ -183,11 +183,12 @@ private:
     static Float8 third(Float8 below, Float8 above) { return {_mm256_unpackhi_ps(below.v, above.v)}; }
 };
 
-/// The cells of a node that a ray passes, near to far from lane 7 on, and its interval in each.
+/// The cells of a node that a ray passes, and its interval in each; near to far from lane 7 on, or in no order.
 struct WideCut {
     Float8 begin, end;
     __m256i children;
     unsigned lanes;
+    bool is_downward; ///< the ray passes the first plane from above to below
 };
 
 /// What instruction sets do in their own way: choosing by sign, and moving lanes together. The bits are the same.
@@ -197,6 +198,7 @@ template <Simd simd> struct WideLanes;
 template <Simd simd> struct WideSearch;
 
 template <> struct WideLanes<Simd::avx2> {
+    template <bool ordered>
     [[gnu::always_inline]] static WideCut cut(const WideNode &node, const WideMeet &meet, float from, float to) {
         const Float8 always = Float8::all(HUGE_VALF), never = Float8::all(-HUGE_VALF);
         const auto choose = [&](Float8 upward, Float8 downward) {
@@ -204,14 +206,20 @@ template <> struct WideLanes<Simd::avx2> {
         };
         const WideIntervals cells(choose(never, meet.low), choose(meet.low, never), choose(meet.high, always),
                                   choose(always, meet.high), from, to);
-        const __m256i order = load_lanes(wide_order.cells[meet.signs.bits()]);
-        const Float8 begin = cells.begin[order], end = cells.end[order];
-        const __m256i children = _mm256_permutevar8x32_epi32(load_children(node), order);
+        const unsigned signs = meet.signs.bits();
+        Float8 begin = cells.begin, end = cells.end;
+        __m256i children = load_children(node);
+        if constexpr (ordered) {
+            const __m256i order = load_lanes(wide_order.cells[signs]);
+            begin = begin[order];
+            end = end[order];
+            children = _mm256_permutevar8x32_epi32(children, order);
+        }
         const __m256i own = _mm256_andnot_si256(_mm256_set1_epi32(WideChild::axis_bits), children);
         const __m256i empty = _mm256_cmpeq_epi32(own, _mm256_setzero_si256());
         const unsigned lanes =
             unsigned(_mm256_movemask_ps(_mm256_andnot_ps(_mm256_castsi256_ps(empty), (begin <= end).v)));
-        return {begin, end, children, lanes};
+        return {begin, end, children, lanes, (signs & 1) != 0};
     }
 
     /// The lanes of `set` moved together, in their order; anything behind them.
@@ -221,6 +229,7 @@ template <> struct WideLanes<Simd::avx2> {
 };
 
 template <> struct WideLanes<Simd::avx512> {
+    template <bool ordered>
     [[gnu::always_inline]] BSP_AVX512 static WideCut cut(const WideNode &node, const WideMeet &meet, float from,
                                                          float to) {
         const __m256 always = _mm256_set1_ps(HUGE_VALF), never = _mm256_set1_ps(-HUGE_VALF);
@@ -229,11 +238,16 @@ template <> struct WideLanes<Simd::avx512> {
         const WideIntervals cells({_mm256_mask_mov_ps(never, down, low)}, {_mm256_mask_mov_ps(low, down, never)},
                                   {_mm256_mask_mov_ps(high, down, always)}, {_mm256_mask_mov_ps(always, down, high)},
                                   from, to);
-        const __m256i order = load_lanes(wide_order.cells[down]);
-        const Float8 begin = cells.begin[order], end = cells.end[order];
-        const __m256i children = _mm256_permutevar8x32_epi32(load_children(node), order);
+        Float8 begin = cells.begin, end = cells.end;
+        __m256i children = load_children(node);
+        if constexpr (ordered) {
+            const __m256i order = load_lanes(wide_order.cells[down]);
+            begin = begin[order];
+            end = end[order];
+            children = _mm256_permutevar8x32_epi32(children, order);
+        }
         const __mmask8 full = _mm256_test_epi32_mask(children, _mm256_set1_epi32(~int(WideChild::axis_bits)));
-        return {begin, end, children, _mm256_mask_cmp_ps_mask(full, begin.v, end.v, _CMP_LE_OQ)};
+        return {begin, end, children, _mm256_mask_cmp_ps_mask(full, begin.v, end.v, _CMP_LE_OQ), (down & 1) != 0};
     }
 
     [[gnu::always_inline]] BSP_AVX512 static Float8 together(Float8 x, unsigned set) {

@@ -85,6 +85,18 @@ def shear(rng: np.random.Generator) -> Fraction:
     return abs(exact(found) - true) / (5 * U * max(reach(o)))
 
 
+def moment(rng: np.random.Generator) -> Fraction:
+    """What tells whether a triangle is hit behind the ray's origin, from its sheared coordinates."""
+    x, y, z = (numbers(rng, 3) for _ in range(3))
+    pairs = ((2, 1), (0, 2), (1, 0))
+    u, v, w = (F(F(x[i] * y[j]) - F(y[i] * x[j])) for i, j in pairs)
+    found = fma(w, z[2], fma(v, z[1], F(u * z[0])))
+    edges = (exact(x[i]) * exact(y[j]) - exact(y[i]) * exact(x[j]) for i, j in pairs)
+    true = sum(edge * exact(height) for edge, height in zip(edges, z, strict=True))
+    largest = [max(abs(exact(number)) for number in numbers) for numbers in (x, y, z)]
+    return abs(exact(found) - true) / (24 * U * largest[0] * largest[1] * largest[2])
+
+
 def turned_ray(rng: np.random.Generator) -> Fraction:
     """A point of the ray, turned, against that of the turned ray; the turned box is [-1, 1]^3."""
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
@@ -97,7 +109,7 @@ def turned_ray(rng: np.random.Generator) -> Fraction:
     return abs(exact(seen_o[k]) + t * exact(seen_d[k]) - true) / (2 * U * bound)
 
 
-@pytest.mark.parametrize("share_of_bound", [turned_ray, axis_binary, axis_wide, oblique, shear])
+@pytest.mark.parametrize("share_of_bound", [turned_ray, axis_binary, axis_wide, oblique, shear, moment])
 def test_the_bound_holds_and_is_not_idle(share_of_bound: Callable[[np.random.Generator], Fraction]) -> None:
     rng = np.random.default_rng(1)
     worst = max(share_of_bound(rng) for _ in range(COUNT))
