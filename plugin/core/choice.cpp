@@ -11,6 +11,7 @@
 #include "orientation.h"
 #include "parallel.h"
 #include "random.h"
+#include "scene_shape.h"
 #include "standard_floats.h"
 
 namespace bsp {
@@ -20,19 +21,21 @@ namespace {
 struct Candidate {
     const char *tree;
     Options options;
-    double build;    ///< time to build
-    double trace;    ///< time of a ray, where the pilots say that `normals` costs what `kd` does
-    bool is_oblique; ///< the pilots' ratio counts
+    double build;      ///< time to build
+    double trace;      ///< time of a ray, where the pilots say that `normals` costs what `kd` does
+    double directions; ///< only where the triangles face in more; if it is not 0 the pilots' ratio counts
+
+    bool is_oblique() const { return directions > 0; }
 };
 
 const std::vector<Candidate> &candidates() {
     static const std::vector<Candidate> list{
-        {"kd", {{"bad_refines", "0"}, {"leaf_size", "64"}}, 0.57, 1.18, false},
-        {"kd", {{"bad_refines", "0"}}, 0.71, 1.04, false},
-        {"kd", {}, 1, 1, false},
-        {"normals", {{"bad_refines", "0"}}, 1.27, 1.11, true},
-        {"normals", {}, 2.1, 1.08, true},
-        {"normals", {{"k", "9"}}, 2.7, 1.06, true},
+        {"kd", {{"bad_refines", "0"}, {"leaf_size", "64"}}, 0.57, 1.18, 0},
+        {"kd", {{"bad_refines", "0"}}, 0.71, 1.04, 0},
+        {"kd", {}, 1, 1, 0},
+        {"normals", {{"bad_refines", "0"}}, 1.27, 1.11, 1},
+        {"normals", {}, 2.1, 1.08, 1},
+        {"normals", {{"k", "9"}}, 2.7, 1.06, 9},
     };
     return list;
 }
@@ -50,6 +53,7 @@ double kd_build_seconds(double triangles) { return 165e-9 * triangles * std::log
 double kd_ray_seconds(double pilot_ns, double levels) { return 1.25e-9 * (30 + 10 * levels + pilot_ns); }
 
 constexpr double axis_aligned = 0.98; ///< share of the area from which on nothing oblique is tried
+constexpr double tight_boxes = 3.5;   ///< `box_share` up to which oblique planes were never found to save anything
 /// So much more of the area must lie along the scene's own axes than along the user's. They have their price: a ray is
 /// turned, and the walls are no longer flat to the last bit.
 constexpr double worth_turning = 0.1;
@@ -120,7 +124,9 @@ Pilots fly_pilots(const TriangleSet &set, const Orientation &orientation, std::u
             TriangleSet part = neighbourhood(set, middles[i], pilots.size, nearest);
             if (orientation.turns())
                 part = orientation.seen(part);
-            found[i] = {expected_work(build_tree(part, kd)), expected_work(build_tree(part, normals))};
+            const Work kd_work = expected_work(build_tree(part, kd));
+            const bool is_aligned = axis_share(part) >= axis_aligned;
+            found[i] = {kd_work, is_aligned ? kd_work : expected_work(build_tree(part, normals))};
         }
     });
     for (const auto &[kd_work, normals_work] : found) {
@@ -139,12 +145,12 @@ struct Prediction {
 };
 
 /// The candidate that takes the least time, the oblique ones only where a `ratio` is given.
-Prediction best_candidate(double n, double ray_s, double rays, std::optional<double> ratio) {
+Prediction best_candidate(double n, double directions, double ray_s, double rays, std::optional<double> ratio) {
     Prediction best;
     for (const Candidate &candidate : candidates()) {
-        if (candidate.is_oblique && !ratio)
+        if (candidate.is_oblique() && !(ratio && directions > candidate.directions))
             continue;
-        const double trace = candidate.trace * (candidate.is_oblique ? *ratio : 1) * ray_s * rays;
+        const double trace = candidate.trace * (candidate.is_oblique() ? *ratio : 1) * ray_s * rays;
         const Prediction found{&candidate, candidate.build * kd_build_seconds(n), trace};
         if (!best.candidate || found.total_s() < best.total_s())
             best = found;
@@ -184,30 +190,37 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
     const double levels = std::log2(std::max(1.0, n / pilot_size));
     std::ostringstream reason;
     reason.precision(3);
-    double aligned = axis_share(set);
+    double aligned = axis_share(set), directions = 0, boxes = 0;
     reason << std::round(100 * aligned) << " % of the area lies along the axes";
     Orientation orientation;
     if (aligned < axis_aligned) {
-        const Orientation found = find_orientation(set, aligned + worth_turning);
+        const std::vector<SampledTriangle> sample = sample_by_area(set);
+        const std::vector<Facing> facings = facings_of(set, sample);
+        const Orientation found = find_orientation(set, facings, aligned + worth_turning);
         const double turned = found.turns() ? axis_share(set, found) : 0; // what it was found by is an estimate
         if (turned >= aligned + worth_turning) {
             orientation = found;
             aligned = turned;
             reason << ", " << std::round(100 * aligned) << " % along those of the scene itself";
         }
+        directions = direction_count(facings);
+        boxes = box_share(set, sample, orientation);
+        reason << ", in " << std::lround(directions) << " directions, in boxes of " << boxes << " times its size";
     }
+    const auto best_with = [&](double ray_s, std::optional<double> ratio) {
+        return best_candidate(n, directions, ray_s, rays, ratio);
+    };
     double ray_s = kd_ray_seconds(typical_pilot_ns, levels);
     std::optional<double> ratio;
-    const double hoped_for_s =
-        best_candidate(n, ray_s, rays, {}).total_s() - best_candidate(n, ray_s, rays, hoped_for_ratio).total_s();
-    if (aligned < axis_aligned && hoped_for_s > pilots_share * kd_build_seconds(n)) {
+    const double hoped_for_s = best_with(ray_s, {}).total_s() - best_with(ray_s, hoped_for_ratio).total_s();
+    if (aligned < axis_aligned && boxes > tight_boxes && hoped_for_s > pilots_share * kd_build_seconds(n)) {
         const Pilots pilots = fly_pilots(set, orientation, settings.seed, monitor);
         ray_s = kd_ray_seconds(pilots.kd_ns(), levels);
         ratio = pilots.ratio();
         reason << ", " << pilots.count << " parts of " << pilots.size << " triangles cost rays " << *ratio
                << " times as much under normals as under kd";
     }
-    const Prediction best = best_candidate(n, ray_s, rays, ratio);
+    const Prediction best = best_with(ray_s, ratio);
     reason << ": " << short_spec(*best.candidate) << (orientation.turns() ? " in these" : "")
            << ", predicted to take one thread " << best.build_s << " s to build and " << best.trace_s << " s to trace "
            << std::setprecision(12) << rays << " rays";

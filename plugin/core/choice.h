@@ -16,9 +16,10 @@ struct Choice {
 };
 
 /// `settings` themselves, without a reason, unless their tree is `auto`. Then looks at the normals, weighted by area,
-/// and, unless nearly all lie along the axes, builds small parts of the scene twice, as `kd` and as `normals`. Takes
-/// the tree with the least predicted time to build and to trace `settings.expected_rays`. The same for the same
-/// triangles and settings. Throws as `build_tree`.
+/// and at how tightly triangles fill their boxes (scene_shape.h), and, unless nearly all lie along the axes or boxes
+/// are tight, builds small parts of the scene twice, as `kd` and as `normals`. Takes the tree with the least predicted
+/// time to build and to trace `settings.expected_rays`. The same for the same triangles and settings. Throws as
+/// `build_tree`.
 Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonitor *monitor = nullptr);
 
 } // namespace bsp

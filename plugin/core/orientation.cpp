@@ -5,53 +5,14 @@
 
 #include "accelerator.h"
 #include "direction.h"
+#include "scene_shape.h"
 #include "standard_floats.h"
 
 namespace bsp {
 namespace {
 
-constexpr std::size_t looked_at = 1 << 17;        ///< of more triangles, every second, third, ... is
 constexpr std::size_t tried = 4;                  ///< directions for the first axis, and for the second
-constexpr unsigned bins = 63;                     ///< along each side of a cube's face; odd, so that 0 is inside of one
 constexpr double perpendicular_cosine = 0.014142; ///< of what is perpendicular: as far off as `axis_cosine`
-
-/// Triangles that face nearly alike, or opposite ways.
-struct Facing {
-    double area = 0, largest_area = 0; ///< twice these
-    std::uint32_t largest = 0;         ///< the triangle of `largest_area`
-    Vec3d normal;                      ///< its, of length 1
-};
-
-unsigned bin_of(const Direction &direction) {
-    const auto bin = [](float slope) { return std::min(bins - 1, unsigned((slope + 1) * (0.5f * bins))); };
-    return (direction.major * bins + bin(direction.a)) * bins + bin(direction.b);
-}
-
-/// Those that there are, by area, largest first.
-std::vector<Facing> facings_of(const TriangleSet &set) {
-    std::vector<Facing> facings(3 * bins * bins);
-    const std::size_t stride = 1 + set.valid.size() / looked_at;
-    for (std::size_t i = 0; i < set.valid.size(); i += stride) {
-        const std::uint32_t id = set.valid[i];
-        const Vec3d normal = scaled_normal(set.triangles[id]);
-        const double area = norm(normal);
-        if (!(area > 0)) // too small for its normal to be computed
-            continue;
-        Facing &facing = facings[bin_of(make_direction(normal))];
-        facing.area += area;
-        if (area > facing.largest_area) {
-            facing.largest_area = area;
-            facing.largest = id;
-            facing.normal = normal * (1 / area);
-        }
-    }
-    facings.erase(std::remove_if(facings.begin(), facings.end(), [](const Facing &f) { return f.area == 0; }),
-                  facings.end());
-    std::sort(facings.begin(), facings.end(), [](const Facing &x, const Facing &y) {
-        return x.area != y.area ? x.area > y.area : x.largest < y.largest;
-    });
-    return facings;
-}
 
 using Axes = std::array<Vec3d, 3>;
 
@@ -144,9 +105,12 @@ Plane Orientation::unseen(const Plane &plane) const {
     return {{float(normal.x * scale), float(normal.y * scale), float(normal.z * scale)}, float(offset * scale)};
 }
 
-Orientation find_orientation(const TriangleSet &set, double least_share) {
+Orientation find_orientation(const TriangleSet &set) {
     const StandardFloats floats;
-    const std::vector<Facing> facings = facings_of(set);
+    return find_orientation(set, facings_of(set, sample_by_area(set)), 0);
+}
+
+Orientation find_orientation(const TriangleSet &set, const std::vector<Facing> &facings, double least_share) {
     Axes best = users_axes;
     double best_area = area_along(users_axes, facings);
     const auto offer = [&](const Axes &axes) {

@@ -11,6 +11,7 @@
 
 namespace bsp {
 
+struct Facing;
 struct Plane;
 
 class Orientation {
@@ -65,9 +66,10 @@ private:
 
 /// The axes along which most of the area faces: the normal of the largest triangle of the direction that has most area,
 /// and of those perpendicular to it the same again, the best pair of several. The user's own if these are it, if
-/// there is no triangle, or if less than `least_share` of the area faces along what is found. The same for the same
-/// triangles.
-Orientation find_orientation(const TriangleSet &set, double least_share = 0);
+/// there is no triangle, or if less than `least_share` of the area of `facings` lies along what is found. The same for
+/// the same triangles.
+Orientation find_orientation(const TriangleSet &set);
+Orientation find_orientation(const TriangleSet &set, const std::vector<Facing> &facings, double least_share);
 
 /// Normals this near to an axis (as a cosine) lie along it.
 constexpr double axis_cosine = 0.9999;

@@ -66,11 +66,11 @@ inline TriangleSet random_soup(std::size_t count, std::uint64_t seed) {
 }
 
 /// Grids of boxes side by side, each turned its own way.
-inline TriangleSet grids_askew(int side) {
+inline TriangleSet grids_askew(int side, int count = 6) {
     std::vector<Triangle> triangles;
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < count; ++i) {
         const Vec3f by{float(3 * side * i), 0, 0};
-        for (const Triangle &t : squares_of_boxes(side, 0.2f * float(i + 1)))
+        for (const Triangle &t : squares_of_boxes(side, 1.2f * float(i + 1) / float(count)))
             triangles.push_back({t.a + by, t.b + by, t.c + by});
     }
     return make_set(triangles);

@@ -53,6 +53,36 @@ TEST(Choice, PilotsAreFlownOnlyWhereTheyCouldSaveMoreThanTheyTake) {
     EXPECT_NE(choose(set, "3e7").reason.find("parts of"), std::string::npos);
 }
 
+TEST(Choice, PilotsAreNotFlownWhereBoxesAreTight) {
+    std::vector<Triangle> triangles = squares_of_boxes(12, 0); // and as many again that lie askew, much smaller
+    for (const Triangle &t : squares_of_boxes(12, 0.3f)) {
+        const auto small = [](const Vec3f &v) { return Vec3f{0.3f * v.x + 40, 0.3f * v.y, 0.3f * v.z}; };
+        triangles.push_back({small(t.a), small(t.b), small(t.c)});
+    }
+    const Choice choice = choose(make_set(triangles), "1e12");
+    EXPECT_EQ(choice.settings.tree, TreeKind::kd);
+    EXPECT_EQ(choice.reason.find("100 %"), std::string::npos) << choice.reason;
+    EXPECT_NE(choice.reason.find("directions, in boxes of 2."), std::string::npos) << choice.reason;
+    EXPECT_EQ(choice.reason.find("parts of"), std::string::npos) << choice.reason;
+}
+
+/// Cells of boxes that were turned and then sheared, so that their faces are no longer perpendicular.
+TriangleSet sheared_boxes(int side) {
+    std::vector<Triangle> triangles = squares_of_boxes(side, 0.7f);
+    for (Triangle &t : triangles)
+        for (Vec3f *v : {&t.a, &t.b, &t.c})
+            *v = {v->x + 2 * v->y + 1.5f * v->z, v->y + 1.7f * v->x, v->z + 1.1f * v->x - 1.3f * v->y};
+    return make_set(triangles);
+}
+
+TEST(Choice, MoreDirectionsAreSweptOnlyWhereTrianglesFaceInMore) {
+    const Choice few = choose(sheared_boxes(12), "1e14"), many = choose(grids_askew(12, 12), "1e14");
+    ASSERT_EQ(few.settings.tree, TreeKind::normals) << few.reason;
+    ASSERT_EQ(many.settings.tree, TreeKind::normals) << many.reason;
+    EXPECT_EQ(few.settings.k, make_settings("normals", {}).k) << few.reason;
+    EXPECT_EQ(many.settings.k, 9) << many.reason;
+}
+
 TEST(Choice, MoreRaysNeverGetAQuickerBuild) {
     const TriangleSet set = random_soup(3000, 1);
     double before = 0;

@@ -177,6 +177,25 @@ class TestDamagedFiles:
         found = result_of("N08f", 0.001)
         assert found.wrong == {"survival": 2} and "the process died while building kd" in found.failures[0]
 
+    def test_a_death_while_refusing_is_ours_if_it_can_be_repeated(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        looks = iter([("refusing", "died"), ("refusing", "died"), ("refusing", "died"), None])
+        monkeypatch.setattr(checks_files, "_look_at", lambda files, seed: ([], next(looks, ("loading", "died"))))
+        found = result_of("N08f", 0.001)
+        assert found.wrong == {"survival": 1} and "the process died while refusing" in found.failures[0]
+
+    def test_a_process_ends_after_an_index_out_of_range(self, tmp_path: Path) -> None:
+        good = intact("ply-ascii")
+        (tmp_path / "good.ply").write_bytes(good)
+        head, _, body = good.partition(b"end_header\n")
+        *vertices, last = body.rstrip(b"\n").split(b"\n")
+        count = int(head.split(b"element vertex ")[1].split()[0])
+        words = last.split()
+        (tmp_path / "wild.ply").write_bytes(
+            head + b"end_header\n" + b"\n".join([*vertices, b" ".join([*words[:-1], b"%d" % count])]) + b"\n"
+        )
+        done, death = checks_files._look_at([tmp_path / "wild.ply", tmp_path / "good.ply"], 1)
+        assert [row["file"] for row in done] == ["wild.ply"] and done[0]["wrong"] == 0 and death is None
+
 
 class TestMemory:
     def test_trees_keep_to_their_budget(self) -> None:
