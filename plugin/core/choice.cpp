@@ -23,19 +23,18 @@ struct Candidate {
     Options options;
     double build;      ///< time to build
     double trace;      ///< time of a ray, where the pilots say that `normals` costs what `kd` does
-    double directions; ///< only where the triangles face in more; if it is not 0 the pilots' ratio counts
-
-    bool is_oblique() const { return directions > 0; }
+    bool is_oblique;   ///< the pilots' ratio counts
+    double directions; ///< only where the triangles face in more
 };
 
 const std::vector<Candidate> &candidates() {
     static const std::vector<Candidate> list{
-        {"kd", {{"bad_refines", "0"}, {"leaf_size", "64"}}, 0.57, 1.18, 0},
-        {"kd", {{"bad_refines", "0"}}, 0.71, 1.04, 0},
-        {"kd", {}, 1, 1, 0},
-        {"normals", {{"bad_refines", "0"}}, 1.27, 1.11, 1},
-        {"normals", {}, 2.1, 1.08, 1},
-        {"normals", {{"k", "9"}}, 2.7, 1.06, 9},
+        {"kd", {{"bad_refines", "0"}, {"leaf_size", "64"}}, 0.57, 1.18, false, 0},
+        {"kd", {{"bad_refines", "0"}}, 0.71, 1.04, false, 0},
+        {"kd", {}, 1, 1, false, 0},
+        {"normals", {{"bad_refines", "0"}}, 1.27, 1.11, true, 0},
+        {"normals", {}, 2.1, 1.08, true, 0},
+        {"normals", {{"k", "9"}}, 2.7, 1.06, true, 9},
     };
     return list;
 }
@@ -53,7 +52,7 @@ double kd_build_seconds(double triangles) { return 165e-9 * triangles * std::log
 double kd_ray_seconds(double pilot_ns, double levels) { return 1.25e-9 * (30 + 10 * levels + pilot_ns); }
 
 constexpr double axis_aligned = 0.98; ///< share of the area from which on nothing oblique is tried
-constexpr double tight_boxes = 3.5;   ///< `box_share` up to which oblique planes were never found to save anything
+constexpr double tight_boxes = 2.5;   ///< `box_share` up to which oblique planes are not tried: there is little to save
 /// So much more of the area must lie along the scene's own axes than along the user's. They have their price: a ray is
 /// turned, and the walls are no longer flat to the last bit.
 constexpr double worth_turning = 0.1;
@@ -77,6 +76,10 @@ Pilots plan_pilots(std::size_t n) {
     Pilots pilots;
     pilots.size = std::min({n, usual_size, std::max(least_size, n / share)});
     pilots.count = std::clamp<std::size_t>(n / (share * usual_size), 1, most);
+    if (pilots.count == 1 && pilots.size >= 2 * least_size) { // two small ones see more of the scene
+        pilots.size /= 2;
+        pilots.count = 2;
+    }
     return pilots;
 }
 
@@ -148,9 +151,9 @@ struct Prediction {
 Prediction best_candidate(double n, double directions, double ray_s, double rays, std::optional<double> ratio) {
     Prediction best;
     for (const Candidate &candidate : candidates()) {
-        if (candidate.is_oblique() && !(ratio && directions > candidate.directions))
+        if ((candidate.is_oblique && !ratio) || directions < candidate.directions)
             continue;
-        const double trace = candidate.trace * (candidate.is_oblique() ? *ratio : 1) * ray_s * rays;
+        const double trace = candidate.trace * (candidate.is_oblique ? *ratio : 1) * ray_s * rays;
         const Prediction found{&candidate, candidate.build * kd_build_seconds(n), trace};
         if (!best.candidate || found.total_s() < best.total_s())
             best = found;
@@ -205,7 +208,8 @@ Choice choose_tree(const TriangleSet &set, const Settings &settings, BuildMonito
         }
         directions = direction_count(facings);
         boxes = box_share(set, sample, orientation);
-        reason << ", in " << std::lround(directions) << " directions, in boxes of " << boxes << " times its size";
+        reason << "; it faces in " << std::lround(directions) << " directions, its boxes are " << boxes
+               << " times as large";
     }
     const auto best_with = [&](double ray_s, std::optional<double> ratio) {
         return best_candidate(n, directions, ray_s, rays, ratio);

@@ -15,9 +15,10 @@ template <> struct LeafSearch<BSP_SIMD> {
             for (std::uint32_t i = 0; i < count; ++i)
                 counting.counters.triangle_tests += block[i].triangle_count();
         }
-        // What is behind the ray's origin is nearly always found in the leaf where the ray begins. Any-hit rays come to
-        // that leaf when they can no longer be guessed, so that a branch would cost more.
-        const bool may_be_behind = Query::is_any || !(begin > 0);
+        // What is behind the ray's origin is nearly always found in the leaf where the ray begins. That is the first
+        // leaf of a closest-hit ray, but any of an any-hit ray's, whose branch would be guessed wrongly more often than
+        // the work is worth.
+        const bool may_be_behind = sorts_out<Test> && (Query::is_any || !(begin > 0));
         constexpr std::uint32_t at_once = 64 / TriangleBlock::width;
         for (std::uint32_t now; count > 0; count -= now, block += now) {
             now = std::min(count, at_once);
@@ -38,6 +39,9 @@ template <> struct LeafSearch<BSP_SIMD> {
     }
 
 private:
+    /// Whether the test can tell what is behind the origin.
+    template <typename Test> static constexpr bool sorts_out = std::is_same_v<Test, WoopTest>;
+
     /// A set bit for every triangle that may be hit, of up to eight blocks.
     template <Mode mode, bool may_be_behind, typename Test>
     [[gnu::always_inline]] BSP_TARGET static std::uint64_t collect(const TriangleBlock *block, std::uint32_t count,
@@ -50,7 +54,7 @@ private:
 
     template <Mode mode, bool may_be_behind, typename Test>
     [[gnu::always_inline]] BSP_TARGET static unsigned candidates(const TriangleBlock &block, const Test &test) {
-        if constexpr (may_be_behind && std::is_same_v<Test, WoopTest>) {
+        if constexpr (may_be_behind && sorts_out<Test>) {
             const WoopTest::Edges edges = test.edges(block);
             const auto largest = [](const Float8(&x)[3]) BSP_TARGET { return LargestSize<BSP_SIMD>::of(x); };
             constexpr float units = WoopTest::moment_units / (mode == Mode::small_moment ? 16 : 1);

@@ -67,7 +67,7 @@ private:
 /// The axes along which most of the area faces: the normal of the largest triangle of the direction that has most area,
 /// and of those perpendicular to it the same again, the best pair of several. The user's own if these are it, if
 /// there is no triangle, or if less than `least_share` of the area of `facings` lies along what is found. The same for
-/// the same triangles.
+/// the same triangles. The second is to be called in the floating-point environment of the standard (StandardFloats).
 Orientation find_orientation(const TriangleSet &set);
 Orientation find_orientation(const TriangleSet &set, const std::vector<Facing> &facings, double least_share);
 

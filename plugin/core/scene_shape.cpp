@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "direction.h"
+#include "random.h"
 
 namespace bsp {
 namespace {
@@ -19,23 +20,28 @@ unsigned bin_of(const Direction &direction) {
 } // namespace
 
 std::vector<SampledTriangle> sample_by_area(const TriangleSet &set) {
-    std::vector<double> areas;
-    areas.reserve(set.valid.size());
-    double total = 0;
-    for (const std::uint32_t id : set.valid) {
-        areas.push_back(norm(scaled_normal(set.triangles[id])));
-        total += areas.back();
-    }
+    const auto area_of = [&](std::uint32_t id) { return norm(scaled_normal(set.triangles[id])); };
     std::vector<SampledTriangle> sample;
-    const bool takes_all = areas.size() <= sample_size;
-    const double step = total / double(sample_size);
-    double before = 0;
-    for (std::size_t i = 0; i < areas.size(); ++i) {
-        const double after = before + areas[i];
-        const double area = takes_all ? areas[i] : step * (std::floor(after / step) - std::floor(before / step));
-        if (area > 0) // some are too small for their normals to be computed
-            sample.push_back({set.valid[i], area});
-        before = after;
+    if (set.valid.size() <= sample_size) {
+        for (const std::uint32_t id : set.valid)
+            if (const double area = area_of(id); area > 0) // some are too small for their normals to be computed
+                sample.push_back({id, area});
+        return sample;
+    }
+    double total = 0;
+    for (const std::uint32_t id : set.valid)
+        total += area_of(id);
+    // A place in each of as many equal parts of the area, not the same in each: scenes may repeat themselves.
+    Random random(1);
+    const double part = total / double(sample_size);
+    double passed = 0, parts = 0, next = part * random.uniform();
+    for (const std::uint32_t id : set.valid) {
+        passed += area_of(id);
+        double area = 0;
+        for (; next < passed; next = part * (++parts + random.uniform()))
+            area += part;
+        if (area > 0)
+            sample.push_back({id, area});
     }
     return sample;
 }

@@ -11,7 +11,7 @@
 
 namespace bsp {
 
-/// A triangle that stands for `area`, twice what is its own and its neighbours' in the list of triangles.
+/// A triangle that stands for `area`, which is twice its own and that of others near it in the list of triangles.
 struct SampledTriangle {
     std::uint32_t id = 0;
     double area = 0;
@@ -22,9 +22,10 @@ std::vector<SampledTriangle> sample_by_area(const TriangleSet &set);
 
 /// Triangles that face nearly alike, or opposite ways.
 struct Facing {
-    double area = 0, largest_area = 0; ///< twice these
-    std::uint32_t largest = 0;         ///< the triangle of `largest_area`
-    Vec3d normal;                      ///< its, of length 1
+    double area = 0;           ///< twice that of all of them, as far as the sample tells
+    double largest_area = 0;   ///< twice that of the largest in the sample alone
+    std::uint32_t largest = 0; ///< which that is
+    Vec3d normal;              ///< its, of length 1
 };
 
 /// Those that there are, by area, largest first.

@@ -42,7 +42,6 @@ inline Float8 max(Float8 a, Float8 b) { return {_mm256_max_ps(a.v, b.v)}; }
 inline Float8 fmadd(Float8 a, Float8 b, Float8 c) { return {_mm256_fmadd_ps(a.v, b.v, c.v)}; }
 inline Float8 fmsub(Float8 a, Float8 b, Float8 c) { return {_mm256_fmsub_ps(a.v, b.v, c.v)}; }
 inline Float8 fnmadd(Float8 a, Float8 b, Float8 c) { return {_mm256_fnmadd_ps(a.v, b.v, c.v)}; }
-inline Float8 fnmsub(Float8 a, Float8 b, Float8 c) { return {_mm256_fnmsub_ps(a.v, b.v, c.v)}; }
 
 inline float fmadd(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
 inline float fmsub(float a, float b, float c) { return __builtin_fmaf(a, b, -c); }

@@ -83,12 +83,13 @@ public:
     /// surface, which is there, as are those close behind it. t has the sign of d_z (u z_0 + v z_1 + w z_2) / (u + v +
     /// w). Let X, Y and Z be the largest size of an x, a y and a z, and the unit 2^-24 X Y: an edge function errs by 4
     /// units, the sum by 12 Z for that and by 12 Z for its own products and sums; `moment_units` is what to allow. What
-    /// is flushed to zero is below 2^-100. What is not finite is not behind.
+    /// is flushed to zero is below 2^-80 Z, and 2^-40 more than Z keeps t from being so near to 0 that it is rounded to
+    /// -0, which is a hit: error-analysis.md.
     [[gnu::always_inline]] Float8 behind(const Edges &e, Float8 largest_x, Float8 largest_y, Float8 largest_z,
                                          float units) const {
         const Float8 moment = fmadd(e.w, e.z[2], fmadd(e.v, e.z[1], e.u * e.z[0]));
-        const Float8 tiny = Float8::all(0x1p-100f);
-        const Float8 least = fnmsub(fmadd(largest_x * largest_y, Float8::all(units * 0x1p-24f), tiny), largest_z, tiny);
+        const Float8 unit = fmadd(largest_x * largest_y, Float8::all(-units * 0x1p-24f), Float8::all(-0x1p-80f));
+        const Float8 least = unit * (largest_z + Float8::all(0x1p-40f));
         return (moment ^ m_toward ^ Float8::all(-0.0f).and_not(e.none_negative)) < least;
     }
 

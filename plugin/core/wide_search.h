@@ -69,9 +69,9 @@ private:
                    Lanes::together(cut.end, lanes), unsigned(__builtin_popcount(lanes)));
     }
 
-    /// The cell to go on with: the nearest, or for any hit one behind the first plane. A shadow ray starts on a
-    /// surface, among what it has just missed; where it ends it is more likely to be stopped early. The others wait;
-    /// there must be one.
+    /// The cell to go on with: the nearest, or for any hit one behind the first plane, if there is one. A shadow ray
+    /// starts on a surface, among what it has just missed; where it ends it is more likely to be stopped early. The
+    /// others wait; at least one cell must be passed.
     template <Mode mode, bool is_any>
     [[gnu::always_inline]] BSP_TARGET static WideCell descend(const WideCut &cut, WideStack &stack) {
         alignas(32) std::uint32_t children[8];
@@ -80,7 +80,7 @@ private:
         _mm256_store_ps(begins, cut.begin.v);
         _mm256_store_ps(ends, cut.end.v);
         const unsigned highest = 31 - unsigned(__builtin_clz(cut.lanes));
-        const unsigned chosen = is_any && cut.is_downward ? unsigned(__builtin_ctz(cut.lanes)) : highest;
+        const unsigned chosen = is_any && cut.first_is_downward ? unsigned(__builtin_ctz(cut.lanes)) : highest;
         push<mode>(cut, cut.lanes ^ 1u << chosen, stack);
         return {WideChild(children[chosen]), begins[chosen], ends[chosen]};
     }

@@ -1,7 +1,7 @@
 /// The traversal of wide nodes. One pass computes where the ray meets all seven planes of a node; then every cell cuts
-/// the ray's interval by the three planes on its path, and the eight lanes are put in the order in which the ray passes
-/// their cells. The search is in wide_search.h. Cells do not overlap, so the order is right and the first hit in it
-/// ends most searches.
+/// the ray's interval by the three planes on its path, and unless any hit will do, the eight lanes are put in the order
+/// in which the ray passes their cells. The search is in wide_search.h. Cells do not overlap, so the order is right and
+/// the first hit in it ends most searches.
 #pragma once
 
 #include "traversal.h"
@@ -188,7 +188,7 @@ struct WideCut {
     Float8 begin, end;
     __m256i children;
     unsigned lanes;
-    bool is_downward; ///< the ray passes the first plane from above to below
+    bool first_is_downward; ///< the ray passes the first plane from above to below
 };
 
 /// What instruction sets do in their own way: choosing by sign, and moving lanes together. The bits are the same.

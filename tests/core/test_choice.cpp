@@ -62,7 +62,7 @@ TEST(Choice, PilotsAreNotFlownWhereBoxesAreTight) {
     const Choice choice = choose(make_set(triangles), "1e12");
     EXPECT_EQ(choice.settings.tree, TreeKind::kd);
     EXPECT_EQ(choice.reason.find("100 %"), std::string::npos) << choice.reason;
-    EXPECT_NE(choice.reason.find("directions, in boxes of 2."), std::string::npos) << choice.reason;
+    EXPECT_NE(choice.reason.find("directions, its boxes are 2."), std::string::npos) << choice.reason;
     EXPECT_EQ(choice.reason.find("parts of"), std::string::npos) << choice.reason;
 }
 
@@ -122,7 +122,7 @@ TEST(Choice, TellsWhatItBuilt) {
     const auto tree = make_accelerator(grids_askew(12), make_settings("auto", {{"expected_rays", "1e12"}}));
     const Statistics &s = tree->statistics();
     EXPECT_EQ(s.spec.rfind("auto:", 0), 0u) << s.spec;
-    EXPECT_EQ(s.chosen.rfind("normals:", 0), 0u) << s.chosen;
+    EXPECT_EQ(s.chosen.rfind("normals:", 0), 0u) << s.choice;
     EXPECT_GT(s.oblique_nodes, 0u);
     EXPECT_GT(s.choose_s, 0);
     EXPECT_LE(s.choose_s, s.build_s);

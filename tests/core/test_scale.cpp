@@ -48,6 +48,34 @@ std::string bytes_of(const Accelerator &accelerator) {
     return bytes;
 }
 
+/// Rays that begin so near to a triangle, or are so long, that t may be rounded to 0 or to -0, which are hits.
+TEST(Scale, HitsAtNearlyZeroAreThoseOfBruteForce) {
+    std::vector<Triangle> triangles = random_soup(40, 46).triangles;
+    triangles.push_back({{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}});
+    const TriangleSet set = make_set(triangles);
+    std::size_t hits = 0;
+    for (const Settings &settings : some_settings()) {
+        const auto tree = make_accelerator(set, settings), brute = make_accelerator(set, make_settings("brute", {}));
+        for (const bool flushes : {false, true})
+            for (int length = -60; length <= 60; length += 10)
+                for (int height = -126; height <= -20; height += 3)
+                    for (const float side : {-1.f, 1.f}) {
+                        const Ray ray{{0.01f, 0.02f, side * std::ldexp(1.f, height)}, {0, 0, std::ldexp(1.f, length)}};
+                        std::optional<FlushedFloats> floats;
+                        if (flushes)
+                            floats.emplace();
+                        const Hit hit = tree->closest(ray), expected = brute->closest(ray);
+                        const bool any = tree->any(ray);
+                        floats.reset();
+                        EXPECT_TRUE(same_bits(hit, expected))
+                            << full_spec(settings) << ", 2^" << height << " off, 2^" << length << " long";
+                        EXPECT_EQ(any, expected.found());
+                        hits += expected.triangle == 40;
+                    }
+    }
+    EXPECT_GT(hits, 1000u);
+}
+
 TEST(Scale, ScenesTimesAPowerOfTwoAreTheSame) {
     const TriangleSet set = random_soup(300, 40);
     const std::vector<Ray> rays = aimed_rays(set, 500, 41);

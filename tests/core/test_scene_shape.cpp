@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "helpers.h"
@@ -53,6 +54,31 @@ TEST(SceneShape, WallsFaceInThreeDirectionsHoweverTheyStand) {
     EXPECT_NEAR(directions_of(grid_of_boxes(12, 0.5f)), 3, 0.5);
     EXPECT_GT(directions_of(random_soup(5000, 3)), 500);
     EXPECT_EQ(directions_of(TriangleSet{}), 0);
+}
+
+/// Boxes that are all alike to the last bit, askew.
+TriangleSet equal_boxes(int side) {
+    const Vec3f u{1, 2, 2}, v{2, 1, -2}, w{2, -2, 1};
+    std::vector<Triangle> triangles;
+    for (int x = 0; x < side; ++x)
+        for (int y = 0; y < side; ++y)
+            for (int z = 0; z < side; ++z) {
+                const Vec3f at = u * float(2 * x) + v * float(2 * y) + w * float(2 * z);
+                for (const auto &[a, b, up] : {std::array{u, v, w}, std::array{v, w, u}, std::array{w, u, v}})
+                    for (const Vec3f &corner : {at, at + up}) {
+                        triangles.push_back({corner, corner + a, corner + b});
+                        triangles.push_back({corner + a + b, corner + a, corner + b});
+                    }
+            }
+    return make_set(triangles);
+}
+
+TEST(SceneShape, WhatRepeatsItselfIsSeenFromAllSides) {
+    for (const int side : {8, 16, 20}) {
+        const TriangleSet set = equal_boxes(side);
+        EXPECT_NEAR(directions_of(set), 3, 0.1) << side;
+        EXPECT_NEAR(axis_share(set, find_orientation(set)), 1, 1e-6) << side;
+    }
 }
 
 TEST(SceneShape, FacingsAreTheLargestFirstAndKeepTheirLargestTriangle) {

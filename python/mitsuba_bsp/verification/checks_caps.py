@@ -16,11 +16,11 @@ from .pathological import MESHES, pathological_meshes
 from .rays import FAMILIES
 from .timing import timed
 
+LEAST = 0.01  #: of the meshes' triangles, however small the counts
 RAYS = 10_000  #: of all families, over all meshes
 
-#: Of a mesh whose triangles are all hit at once by every ray that is aimed at one.
+#: Of the rays; those of a mesh whose triangles are all hit at once, and all decided, by every ray that is aimed at one.
 SHARE_OF_IDENTICAL = 0.02
-LEAST = 0.01  #: of the meshes' triangles, however small the counts
 
 #: Seconds that a build may take on two processors.
 LIMIT_S = 3.0

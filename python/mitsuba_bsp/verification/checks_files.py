@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .check import Failure, Outcome, Plan, Unit, check
-from .damaged_files import KINDS, LEAVING, damaged, intact
+from .damaged_files import KINDS, damaged, intact
 
 FILES, PER_UNIT = 5_000, 100
 RAYS = 500  #: in each file that loads
@@ -49,16 +49,13 @@ def _fuzz(plan: Plan, numbers: range) -> Outcome:
                 outcome.expect("answers", found["wrong"] == 0, text)
             left = left[len(done) :]
             if left and death:
-                file = left.pop(0)
-                alone = _look_at([file], plan.seed)[1] if death[0] == "refusing" else death
-                _bury(outcome, figures, file.name, *(alone or ("loading", death[1])), plan.seed)
+                _bury(outcome, figures, left.pop(0).name, *death, plan.seed)
     outcome.figures |= figures
     return outcome
 
 
 def _bury(outcome: Outcome, figures: dict[str, int], file: str, stage: str, how: str, seed: int) -> None:
-    """A file on which the process died or hung: Mitsuba's doing while it loads, ours from then on. But what happens
-    once while we refuse a file, and not when it is repeated, comes of the memory that the loader has written to."""
+    """A file on which the process died or hung: Mitsuba's doing while it loads, ours from then on."""
     if stage == "loading":
         figures["hangs of Mitsuba's loader" if how == "hung" else "crashes of Mitsuba's loader"] += 1
         outcome.add("answers", 1)
@@ -98,4 +95,4 @@ def _watch(command: list[str], count: int, limit_s: float) -> tuple[list[dict], 
                 if "stage" not in found:
                     done.append(found)
                 end = time.monotonic() + limit_s
-    return done, (stage, how) if len(done) < count and stage != LEAVING else None
+    return done, (stage, how) if len(done) < count else None
