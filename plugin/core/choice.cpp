@@ -24,7 +24,7 @@ struct Candidate {
     double build;      ///< time to build
     double trace;      ///< time of a ray, where the pilots say that `normals` costs what `kd` does
     bool is_oblique;   ///< the pilots' ratio counts
-    double directions; ///< only where the triangles face in more
+    double directions; ///< only where the triangles face in at least so many
 };
 
 const std::vector<Candidate> &candidates() {

@@ -56,9 +56,10 @@ private:
     [[gnu::always_inline]] BSP_TARGET static unsigned candidates(const TriangleBlock &block, const Test &test) {
         if constexpr (may_be_behind && sorts_out<Test>) {
             const WoopTest::Edges edges = test.edges(block);
-            const auto largest = [](const Float8(&x)[3]) BSP_TARGET { return LargestSize<BSP_SIMD>::of(x); };
+            using Largest = LargestSize<BSP_SIMD>;
             constexpr float units = WoopTest::moment_units / (mode == Mode::small_moment ? 16 : 1);
-            const Float8 behind = test.behind(edges, largest(edges.x), largest(edges.y), largest(edges.z), units);
+            const Float8 behind =
+                test.behind(edges, Largest::of(edges.x), Largest::of(edges.y), Largest::of(edges.z), units);
             return edges.inside().and_not(behind).bits();
         } else {
             return test.candidates(block);

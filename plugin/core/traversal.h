@@ -195,17 +195,8 @@ template <Simd simd> struct LeafSearch;
 
 } // namespace bsp
 
-// Once for each instruction set: a function only inlines what asks for no more than itself.
-#define BSP_SIMD Simd::avx2
-#define BSP_TARGET
-#include "leaf_search.h"
-#undef BSP_SIMD
-#undef BSP_TARGET
-#define BSP_SIMD Simd::avx512
-#define BSP_TARGET BSP_AVX512
-#include "leaf_search.h"
-#undef BSP_SIMD
-#undef BSP_TARGET
+#define BSP_EACH_SIMD "leaf_search.h"
+#include "each_simd.h"
 
 namespace bsp {
 

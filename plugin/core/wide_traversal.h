@@ -191,6 +191,22 @@ struct WideCut {
     bool first_is_downward; ///< the ray passes the first plane from above to below
 };
 
+/// The lanes in the order in which the ray passes their cells, near to far from lane 7 on, if they are to be `ordered`.
+struct WideLanesInOrder {
+    Float8 begin, end;
+    __m256i children;
+
+    template <bool ordered>
+    [[gnu::always_inline]] static WideLanesInOrder of(const WideIntervals &cells, const WideNode &node,
+                                                      unsigned signs) {
+        const __m256i children = load_children(node);
+        if constexpr (!ordered)
+            return {cells.begin, cells.end, children};
+        const __m256i order = load_lanes(wide_order.cells[signs]);
+        return {cells.begin[order], cells.end[order], _mm256_permutevar8x32_epi32(children, order)};
+    }
+};
+
 /// What instruction sets do in their own way: choosing by sign, and moving lanes together. The bits are the same.
 template <Simd simd> struct WideLanes;
 
@@ -207,14 +223,7 @@ template <> struct WideLanes<Simd::avx2> {
         const WideIntervals cells(choose(never, meet.low), choose(meet.low, never), choose(meet.high, always),
                                   choose(always, meet.high), from, to);
         const unsigned signs = meet.signs.bits();
-        Float8 begin = cells.begin, end = cells.end;
-        __m256i children = load_children(node);
-        if constexpr (ordered) {
-            const __m256i order = load_lanes(wide_order.cells[signs]);
-            begin = begin[order];
-            end = end[order];
-            children = _mm256_permutevar8x32_epi32(children, order);
-        }
+        const auto [begin, end, children] = WideLanesInOrder::of<ordered>(cells, node, signs);
         const __m256i own = _mm256_andnot_si256(_mm256_set1_epi32(WideChild::axis_bits), children);
         const __m256i empty = _mm256_cmpeq_epi32(own, _mm256_setzero_si256());
         const unsigned lanes =
@@ -238,14 +247,7 @@ template <> struct WideLanes<Simd::avx512> {
         const WideIntervals cells({_mm256_mask_mov_ps(never, down, low)}, {_mm256_mask_mov_ps(low, down, never)},
                                   {_mm256_mask_mov_ps(high, down, always)}, {_mm256_mask_mov_ps(always, down, high)},
                                   from, to);
-        Float8 begin = cells.begin, end = cells.end;
-        __m256i children = load_children(node);
-        if constexpr (ordered) {
-            const __m256i order = load_lanes(wide_order.cells[down]);
-            begin = begin[order];
-            end = end[order];
-            children = _mm256_permutevar8x32_epi32(children, order);
-        }
+        const auto [begin, end, children] = WideLanesInOrder::of<ordered>(cells, node, down);
         const __mmask8 full = _mm256_test_epi32_mask(children, _mm256_set1_epi32(~int(WideChild::axis_bits)));
         return {begin, end, children, _mm256_mask_cmp_ps_mask(full, begin.v, end.v, _CMP_LE_OQ), (down & 1) != 0};
     }
@@ -303,14 +305,5 @@ private:
 
 } // namespace bsp
 
-// The search itself, once for each instruction set: a function only inlines what asks for no more than itself.
-#define BSP_SIMD Simd::avx2
-#define BSP_TARGET
-#include "wide_search.h"
-#undef BSP_SIMD
-#undef BSP_TARGET
-#define BSP_SIMD Simd::avx512
-#define BSP_TARGET BSP_AVX512
-#include "wide_search.h"
-#undef BSP_SIMD
-#undef BSP_TARGET
+#define BSP_EACH_SIMD "wide_search.h"
+#include "each_simd.h"
