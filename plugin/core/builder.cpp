@@ -19,7 +19,7 @@ namespace bsp {
 namespace {
 
 constexpr std::size_t estimated_planes = 63;           ///< per direction, by `estimate`
-constexpr std::size_t most_tried = 1024;               ///< of a large node, for the planes along them
+constexpr std::size_t most_tried = 256;                ///< of a large node, for the planes along them
 constexpr std::size_t parallel_sweep_size = 1 << 15;   ///< from here on, directions are swept by different threads
 constexpr std::size_t parallel_subtree_size = 1 << 10; ///< from here on, children are built by different threads
 

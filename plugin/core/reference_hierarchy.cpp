@@ -201,9 +201,8 @@ private:
 };
 
 std::optional<SideCounts> ReferenceHierarchy::count(const Direction &direction, float offset, const SidePrices &prices,
-                                                    std::size_t &work) const {
-    static thread_local std::vector<std::uint32_t> this_level, level_below;
-    std::vector<std::uint32_t> &groups = this_level, &finer = level_below;
+                                                    Scratch &scratch) const {
+    auto &[groups, finer, work] = scratch;
     const PlaneLanes plane(direction, offset, m_margin);
     const Corners exact(direction, offset, m_tolerance);
     SideCounts counts;

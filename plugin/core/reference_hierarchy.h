@@ -45,10 +45,16 @@ public:
 
     std::uint32_t size() const { return std::uint32_t(m_size); }
 
-    /// Nothing if the prices reach their limit. Adds to `work` the number of references whose vertices were looked at.
-    /// From many threads at once.
+    /// What `count` needs besides, one for each thread: memory, and the number of references whose vertices were looked
+    /// at so far.
+    struct Scratch {
+        std::vector<std::uint32_t> groups, finer;
+        std::size_t work = 0;
+    };
+
+    /// Nothing if the prices reach their limit. From many threads at once.
     std::optional<SideCounts> count(const Direction &direction, float offset, const SidePrices &prices,
-                                    std::size_t &work) const;
+                                    Scratch &scratch) const;
 
 private:
     /// Centres and half sizes, [axis][lane], of eight boxes.

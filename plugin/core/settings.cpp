@@ -292,7 +292,7 @@ std::vector<Key> rule_keys() {
         integer_key<int>(
             "exact_below",
             "nodes with more triangles choose their direction by bins and sweep only that one; ize tries the "
-            "planes of at most 1024 of their triangles",
+            "planes of at most 256 of their triangles",
             For::built, 1, 1 << 30, "an integer from 1 to 2^30", [](Settings &s) -> int & { return s.exact_below; }),
         flag_key("clip", "triangles are clipped to the cell; if not, their whole extents count", For::built,
                  [](Settings &s) -> bool & { return s.clip; }),

@@ -8,16 +8,28 @@ namespace bsp {
 SideAreas::SideAreas(const Cell &cell) : m_cell(cell.is_box() ? make_polyhedron(cell.box()) : cell.polyhedron()) {
     for (const double area : m_cell.areas)
         m_total += area;
+    for (std::size_t face = 0; face < m_cell.face_count(); ++face) {
+        const std::size_t first = m_cell.starts[face], last = m_cell.starts[face + 1];
+        const Vec3d &origin = m_cell.vertices[m_cell.loops[first]];
+        Vec3d p = m_cell.vertices[m_cell.loops[last - 1]] - origin;
+        for (std::size_t i = first; i < last; ++i) {
+            const Vec3d q = m_cell.vertices[m_cell.loops[i]] - origin;
+            m_edges.push_back(dot(cross(p, q), m_cell.normals[face]));
+            p = q;
+        }
+    }
 }
 
 std::optional<std::pair<double, double>> SideAreas::at(const Direction &direction, double offset, double margin,
                                                        std::vector<double> &heights) const {
-    heights.clear();
+    const std::size_t count = m_cell.vertices.size();
+    heights.resize(count);
     double low = 0, high = 0;
-    for (const Vec3d &v : m_cell.vertices) {
-        heights.push_back(position(direction, v) - offset);
-        low = std::min(low, heights.back());
-        high = std::max(high, heights.back());
+    for (std::size_t v = 0; v < count; ++v) {
+        const double height = position(direction, m_cell.vertices[v]) - offset;
+        heights[v] = height;
+        low = std::min(low, height);
+        high = std::max(high, height);
     }
     if (!(low < -margin && high > margin))
         return std::nullopt;
@@ -46,25 +58,27 @@ double SideAreas::area_below(std::size_t face, const double *heights) const {
         return m_cell.areas[face];
     if (low >= 0)
         return 0;
-    // The edges below, cut at the plane where they cross it, and the cut itself make a polygon.
-    const Vec3d origin = m_cell.vertices[m_cell.loops[first]];
-    Vec3d sum, leaving, entering;
+    // The edges below, cut at the plane where they cross it, and the cut itself make a polygon. A part of an edge spans
+    // that part of its triangle.
+    const Vec3d &origin = m_cell.vertices[m_cell.loops[first]];
+    double twice = 0;
+    Vec3d leaving, entering;
     std::uint16_t u = m_cell.loops[last - 1];
     for (std::size_t i = first; i < last; ++i) {
         const std::uint16_t v = m_cell.loops[i];
         const double before = heights[u], here = heights[v];
-        if (before < 0 || here < 0) {
-            Vec3d p = m_cell.vertices[u] - origin, q = m_cell.vertices[v] - origin;
-            const Vec3d crossing = p + (q - p) * (before / (before - here));
-            if (before >= 0)
-                entering = p = crossing;
-            if (here >= 0)
-                leaving = q = crossing;
-            sum = sum + cross(p, q);
+        if (before < 0 && here < 0) {
+            twice += m_edges[i];
+        } else if (before < 0 || here < 0) {
+            const double part = before / (before - here);
+            const Vec3d &p = m_cell.vertices[u], &q = m_cell.vertices[v];
+            const Vec3d crossing = p + (q - p) * part - origin;
+            (before < 0 ? leaving : entering) = crossing;
+            twice += m_edges[i] * (before < 0 ? part : 1 - part);
         }
         u = v;
     }
-    return std::max(0.0, dot(sum + cross(leaving, entering), m_cell.normals[face]) / 2);
+    return std::max(0.0, (twice + dot(cross(leaving, entering), m_cell.normals[face])) / 2);
 }
 
 } // namespace bsp

@@ -25,6 +25,7 @@ private:
     double area_below(std::size_t face, const double *heights) const;
 
     Polyhedron m_cell;
+    std::vector<double> m_edges; ///< of each loop's edges: twice the area of the triangle with the loop's first vertex
     double m_total = 0;
 };
 

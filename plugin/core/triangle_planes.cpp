@@ -37,7 +37,7 @@ public:
         const SidePrices prices{m_scale * areas->first, m_scale * areas->second, m_cost, m_limit};
         if (prices.is_out({}, m_hierarchy.size()))
             return;
-        const auto counts = m_hierarchy.count(plane.direction, plane.offset, prices, work);
+        const auto counts = m_hierarchy.count(plane.direction, plane.offset, prices, m_scratch);
         if (!counts)
             return;
         for (const bool planar_below : {false, true}) {
@@ -52,7 +52,9 @@ public:
     }
 
     std::optional<PlaneCandidate> best;
-    std::size_t work = 0; ///< references looked at one by one
+
+    /// References looked at one by one.
+    std::size_t work() const { return m_scratch.work; }
 
 private:
     const ReferenceHierarchy &m_hierarchy;
@@ -61,6 +63,7 @@ private:
     const CostModel &m_cost;
     double m_limit;                ///< price of the best plane so far
     std::vector<double> m_heights; ///< scratch
+    ReferenceHierarchy::Scratch m_scratch;
 };
 
 } // namespace
@@ -108,7 +111,7 @@ std::optional<PlaneCandidate> best_triangle_plane(const TriangleSet &set, const 
                 continue; // one on top of the other
             for (const TrianglePlane &plane : planes_along(triangle)) {
                 search.consider(plane);
-                if (double(search.work) > most_work)
+                if (double(search.work()) > most_work)
                     return search.best;
             }
         }

@@ -56,10 +56,10 @@ TriangleSet turned_box() {
 SideCounts count(const TriangleSet &set, const TrianglePlane &plane) {
     const ReferenceList references = make_references(set);
     const ReferenceHierarchy hierarchy(references, plane_tolerance(set.bounds));
-    std::size_t work = 0;
-    const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{}, work);
+    ReferenceHierarchy::Scratch scratch;
+    const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{}, scratch);
     EXPECT_TRUE(counts);
-    EXPECT_LE(work, references.size());
+    EXPECT_LE(scratch.work, references.size());
     return counts.value_or(SideCounts{});
 }
 
@@ -123,7 +123,7 @@ TEST(ReferenceHierarchy, NeighboursAtAnEdgeAreNotCut) {
 }
 
 TEST(ReferenceHierarchy, EqualsALoopOverTheReferences) {
-    std::size_t work = 0;
+    ReferenceHierarchy::Scratch scratch;
     Random random(22);
     for (const std::size_t size : {1u, 7u, 8u, 9u, 64u, 65u, 600u, 5000u}) {
         const TriangleSet set = random_soup(size, size);
@@ -137,7 +137,7 @@ TEST(ReferenceHierarchy, EqualsALoopOverTheReferences) {
             TrianglePlane plane{random_direction(random), float(random.uniform() - 0.5)};
             if (trial % 2)
                 plane = planes_along(set.triangles[random.below(std::uint32_t(size))])[std::size_t(trial) / 2 % 4];
-            const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{}, work);
+            const auto counts = hierarchy.count(plane.direction, plane.offset, SidePrices{}, scratch);
             ASSERT_TRUE(counts);
             SweptPlane split;
             split.offset = plane.offset;
@@ -154,7 +154,7 @@ TEST(ReferenceHierarchy, EqualsALoopOverTheReferences) {
 }
 
 TEST(ReferenceHierarchy, GivesUpOnlyWhenTheLimitIsReached) {
-    std::size_t work = 0;
+    ReferenceHierarchy::Scratch scratch;
     const TriangleSet set = random_soup(500, 23);
     const ReferenceList references = in_spatial_order(make_references(set));
     const ReferenceHierarchy hierarchy(references, plane_tolerance(set.bounds));
@@ -162,13 +162,13 @@ TEST(ReferenceHierarchy, GivesUpOnlyWhenTheLimitIsReached) {
     for (int trial = 0; trial < 100; ++trial) {
         const Direction direction = random_direction(random);
         SidePrices prices{0.3, 0.8, CostModel{}, no_limit};
-        const auto counts = hierarchy.count(direction, 0.2f, prices, work);
+        const auto counts = hierarchy.count(direction, 0.2f, prices, scratch);
         const double least = std::min(prices.price(counts->below + counts->on, counts->above),
                                       prices.price(counts->below, counts->above + counts->on));
         prices.limit = least * 1.001;
-        EXPECT_TRUE(hierarchy.count(direction, 0.2f, prices, work));
+        EXPECT_TRUE(hierarchy.count(direction, 0.2f, prices, scratch));
         prices.limit = least * 0.5;
-        EXPECT_FALSE(hierarchy.count(direction, 0.2f, prices, work));
+        EXPECT_FALSE(hierarchy.count(direction, 0.2f, prices, scratch));
     }
 }
 

@@ -7,19 +7,31 @@ from collections.abc import Iterator
 from .. import _core
 from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .judge import enter
-from .oracle import Questions, differing, found, plane_questions, questions, small_trees
+from .meshes import Mesh
+from .oracle import VARIANT_MESHES, Questions, differing, found, plane_questions, questions, small_trees
 
 RAYS_PER_FAMILY = 10_000  #: times 9 families, times 12 meshes: 1.08 million rays
 
 
 def subject_questions(plan: Plan, subject: Subject) -> Iterator[tuple[_core.Accelerator, Questions]]:
-    """Every small mesh's tree, and its share of the rays of every family."""
-    count, trees = plan.count(RAYS_PER_FAMILY, subject), small_trees(subject.spec)
+    """The trees of small meshes, and the subject's share of the rays of every family."""
+    count, trees = _count(plan, subject), small_trees(subject)
     start = subject.turn % len(trees)  # so that threads begin with different meshes, and find what others computed
     for mesh, tree in (*trees[start:], *trees[:start]):
-        for asked in questions(mesh, plan.most(RAYS_PER_FAMILY, subject), plan.seed, subject.triangle_test):
+        for asked in mesh_questions(plan, subject, mesh):
             yield tree, asked.head(count)
         yield tree, plane_questions(mesh, tree, count, plan.seed, subject.triangle_test)
+
+
+def mesh_questions(plan: Plan, subject: Subject, mesh: Mesh) -> tuple[Questions, ...]:
+    """As many of every family as anyone with the triangle test of this subject asks."""
+    alike = (other for other in plan.subjects if other.triangle_test == subject.triangle_test)
+    return questions(mesh, max(_count(plan, other) for other in alike), plan.seed, subject.triangle_test)
+
+
+def _count(plan: Plan, subject: Subject) -> int:
+    """Rays of a family in one mesh."""
+    return plan.count(RAYS_PER_FAMILY * (1 if subject.share == 1 else VARIANT_MESHES), subject)
 
 
 @check("C01", "equal to brute force, bit for bit", at_once=True)

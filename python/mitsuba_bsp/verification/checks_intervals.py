@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .check import Outcome, Plan, Subject, Unit, check, subject_units
-from .checks_brute import RAYS_PER_FAMILY
+from .checks_brute import mesh_questions
 from .judge import enter
-from .meshes import Mesh, small_meshes
-from .oracle import Answers, Questions, brute_force, ended, found, questions, small_trees
+from .meshes import Mesh
+from .oracle import Answers, Questions, brute_force, ended, found, small_trees
 from .rays import Rays
 
 HITS = 10_000
@@ -35,7 +35,7 @@ def intervals_are_closed(plan: Plan) -> Iterator[Unit]:
 
 def _cut(plan: Plan, subject: Subject) -> Outcome:
     outcome = Outcome(judged=subject.promises)
-    for mesh, tree in small_trees(subject.spec):
+    for mesh, tree in small_trees(subject):
         (o, d), hits = _hits(plan, subject, mesh)
         t = hits["t"]
         for name, end in ENDS.items():
@@ -53,8 +53,8 @@ def _cut(plan: Plan, subject: Subject) -> Outcome:
 
 def _hits(plan: Plan, subject: Subject, mesh: Mesh) -> tuple[Rays, Answers]:
     """Rays of all families that hit, in equal parts, and what."""
-    count = plan.count(HITS, subject) // len(small_meshes()) + 1
-    asked = questions(mesh, plan.most(RAYS_PER_FAMILY, subject), plan.seed, subject.triangle_test)
+    count = plan.count(HITS, subject) // len(small_trees(subject)) + 1
+    asked = mesh_questions(plan, subject, mesh)
     each = count // len(asked) + 1
     parts = []
     for family in asked:

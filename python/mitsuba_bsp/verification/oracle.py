@@ -13,6 +13,7 @@ from .. import _core
 from ..accelerator import NO_TRIANGLE
 from ..spec import Spec
 from .cases import Case, describe_ray
+from .check import Subject
 from .meshes import Mesh, small_meshes
 from .rays import FAMILIES, Rays, plane_rays
 from .threads import shared
@@ -21,6 +22,9 @@ Answers = Mapping[str, NDArray[np.float32] | NDArray[np.uint32]]
 
 #: Rays whose interval ends before infinity: a quarter of them ends exactly at the hit, or just before or after.
 INTERVAL_SHARE = 0.25
+
+#: Variants get one in so many of the small meshes, and more rays in each.
+VARIANT_MESHES = 3
 
 
 @dataclass(frozen=True)
@@ -72,9 +76,10 @@ def build(mesh: Mesh, spec: Spec, fault: str = "") -> _core.Accelerator:
 
 
 @cache
-def small_trees(spec: Spec) -> tuple[tuple[Mesh, _core.Accelerator], ...]:
-    """The small meshes and their trees; kept, for several checks need them."""
-    return tuple((mesh, build(mesh, spec)) for mesh in small_meshes())
+def small_trees(subject: Subject) -> tuple[tuple[Mesh, _core.Accelerator], ...]:
+    """The small meshes, of which variants get a part, and their trees; kept, for several checks need them."""
+    meshes = subject.part_of(small_meshes(), VARIANT_MESHES)
+    return tuple((mesh, build(mesh, subject.spec)) for mesh in meshes)
 
 
 @shared(256)

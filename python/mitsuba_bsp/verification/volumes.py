@@ -1,4 +1,4 @@
-"""The volumes of a tree's cells, which are convex polyhedra kept as lists of faces."""
+"""The volumes of the cells of trees, which are convex polyhedra kept as lists of faces."""
 
 from __future__ import annotations
 
@@ -9,25 +9,32 @@ from .audit import NeutralTree
 from .polygons import Polygons, cut, heights, joined
 
 
-def cell_volumes(tree: NeutralTree) -> NDArray[np.float64]:
-    """Of every node's cell; the root's is its box. Works downward, all cells of a depth at once."""
-    volumes = np.zeros(len(tree.is_leaf))
-    owners, faces = np.zeros(6, int), _box_faces(tree.box)
+def cell_volumes(*trees: NeutralTree) -> list[NDArray[np.float64]]:
+    """Of every node's cell of each tree; a root's is its box. Works downward, all cells of a depth at once."""
+    if not trees:
+        return []
+    starts = np.cumsum([0, *(len(tree.is_leaf) for tree in trees)])
+    is_leaf = np.concatenate([tree.is_leaf for tree in trees])
+    above = np.concatenate([tree.above.astype(int) + start for tree, start in zip(trees, starts[:-1], strict=True)])
+    normals = np.concatenate([tree.normals for tree in trees])
+    offsets = np.concatenate([tree.offsets for tree in trees])
+    volumes = np.zeros(len(is_leaf))
+    owners, faces = np.repeat(starts[:-1], 6), np.concatenate([_box_faces(tree.box) for tree in trees])
     while len(owners):
         _add_volumes(volumes, owners, faces)
-        inner = ~tree.is_leaf[owners]
+        inner = ~is_leaf[owners]
         owners, faces = owners[inner], faces[inner]
         if not len(owners):
             break
-        height = heights(faces, tree.normals[owners], tree.offsets[owners])
-        caps, cap_owners = _caps(tree, owners, faces, height)
+        height = heights(faces, normals[owners], offsets[owners])
+        caps, cap_owners = _caps(normals, owners, faces, height)
         parts = []
-        for sign, child in ((1, lambda nodes: nodes + 1), (-1, lambda nodes: tree.above[nodes].astype(int))):
+        for sign, child in ((1, lambda nodes: nodes + 1), (-1, lambda nodes: above[nodes])):
             kept, exists = cut(faces, sign * height)
             parts += [(child(owners[exists]), kept), (child(cap_owners), caps)]
         owners = np.concatenate([nodes for nodes, _ in parts])
         faces = joined(*(polygons for _, polygons in parts))
-    return volumes
+    return np.split(volumes, starts[1:-1])
 
 
 def _box_faces(box: NDArray[np.float64]) -> Polygons:
@@ -54,7 +61,7 @@ def _add_volumes(volumes: NDArray[np.float64], owners: NDArray[np.intp], faces: 
 
 
 def _caps(
-    tree: NeutralTree, owners: NDArray[np.intp], faces: Polygons, height: NDArray[np.float64]
+    normals: NDArray[np.float64], owners: NDArray[np.intp], faces: Polygons, height: NDArray[np.float64]
 ) -> tuple[Polygons, NDArray[np.intp]]:
     """The polygon in which each cell meets its own plane: where the plane crosses edges, in order of the angle."""
     following, height_following = np.roll(faces, -1, axis=1), np.roll(height, -1, axis=1)
@@ -68,7 +75,7 @@ def _caps(
     middle = np.zeros((len(cells), 3))
     np.add.at(middle, cell, points)
     middle /= numbers[:, None]
-    normal = tree.normals[cells]
+    normal = normals[cells]
     first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
     second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
     seen = points - middle[cell]
