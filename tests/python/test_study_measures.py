@@ -258,6 +258,17 @@ class TestConvergence:
         assert convergence.time_to_reach(points, 2.0) == 1.0
         assert convergence.time_to_reach(points, 0.01) is None
 
+    def test_all_reach_the_error_that_is_asked_for(self) -> None:
+        """Also those whose last error is larger than the others', by rounding alone."""
+        ends = {"native": 0.125, "kd": 0.1250001}
+        points = {tree: [{"passes": 1, "seconds": 1.0, "relmse": 0.5, "flip": None}] for tree in ends}
+        for tree, end in ends.items():
+            points[tree].append({"passes": 4, "seconds": 4.0, "relmse": end, "flip": None})
+        common = {"scene": "s", "measure": "converge", "repeat": 0, "triangles": 12, "resolution": (8, 8), "spp": 1}
+        rows = [{**common, "tree": tree, "spec": tree, "build_s": 0.5, "points": points[tree]} for tree in ends]
+        (table,) = convergence.tables(rows)
+        assert [(row[0], row[-2]) for row in table.rows] == [("native", "4.00"), ("kd", "4.00")]
+
     def test_passes_converge_alike_under_all(self, room: Path, tmp_path: Path) -> None:
         choices = {"passes": 6, "reference_passes": 40}
         found = {}
