@@ -190,6 +190,8 @@ def figures(rows: Sequence[Record], folder: ResultsFolder) -> Iterator[tuple[str
 
 
 def _curves(runs: Runs) -> Figure:
+    from matplotlib.ticker import LogLocator
+
     measured = [("relmse", "relMSE"), ("flip", "FLIP")]
     figure = new_figure(10.5, 0.8 + 3.4 * len(runs.scenes))
     grid = figure.subplots(len(runs.scenes), len(measured), squeeze=False)
@@ -202,8 +204,10 @@ def _curves(runs: Runs) -> Figure:
                     panel.plot(xs, ys, marker="o", **style, markersize=3.5, label=tree)
             panel.set_xscale("log")
             panel.set_yscale("log")
-            panel.xaxis.set_minor_formatter("")
-            panel.yaxis.set_minor_formatter("")
+            for axis in (panel.xaxis, panel.yaxis):
+                axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter("")
             panel.set_xlabel("seconds, building included")
             panel.set_title(f"{scene}: {name}", fontsize=10)
             plain(panel)
