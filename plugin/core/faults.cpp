@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "builder.h"
+#include "choice.h"
 #include "packed_tree.h"
 
 namespace bsp {
@@ -44,8 +45,8 @@ std::unique_ptr<Accelerator> make_faulty_accelerator(TriangleSet set, const Sett
     for (const NamedFault &fault : faults)
         if (name == fault.name) {
             set.rescale();
-            const Tree tree = build_tree(set, settings);
-            return fault.make(tree, set, settings, {}, nullptr);
+            const Settings chosen = choose_tree(set, settings).settings;
+            return fault.make(build_tree(set, chosen), set, chosen, {}, nullptr);
         }
     std::string known;
     for (const std::string &other : fault_names())

@@ -45,6 +45,5 @@ inline Float8 fnmadd(Float8 a, Float8 b, Float8 c) { return {_mm256_fnmadd_ps(a.
 
 inline float fmadd(float a, float b, float c) { return __builtin_fmaf(a, b, c); }
 inline float fmsub(float a, float b, float c) { return __builtin_fmaf(a, b, -c); }
-inline float fnmadd(float a, float b, float c) { return __builtin_fmaf(-a, b, c); }
 
 } // namespace bsp

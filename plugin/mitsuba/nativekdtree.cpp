@@ -1,6 +1,6 @@
 /// The shape `nativekdtree`: meshes and shapes of one primitive under Mitsuba's own kd-tree, the baseline of every
 /// comparison. Properties: the `kd_*` settings that Mitsuba's scene takes, `count` (rays, steps and tests are counted),
-/// `expand` (see bspmember.cpp).
+/// `check` (answers that differ from those of all triangles are counted), `expand` (see bspmember.cpp).
 #include "native_tree.h"
 
 #include <chrono>
@@ -29,7 +29,7 @@ constexpr Setting settings[] = {
     {"kd_empty_space_bonus", "a number above 0 and at most 1", false, 1e-6, 1},
     {"kd_stop_prims", "an integer of at least 1", true, 1, huge},
     {"kd_max_depth", "an integer from 0 to 48, where 0 means 8 + 1.3 log2(triangles)", true, 0, MI_KD_MAXDEPTH},
-    {"kd_min_max_bins", "an integer of at least 2", true, 2, huge},
+    {"kd_min_max_bins", "an integer of at least 2", true, 2, 1 << 20},
     {"kd_clip", "true or false"},
     {"kd_retract_bad_splits", "true or false"},
     {"kd_exact_primitive_threshold", "an integer of at least 2 and above kd_stop_prims", true, 2, huge},

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from datetime import datetime
 from pathlib import Path
 
 from . import scenes_dir
-from .bench_cli import add_scene_options, run_with_bar, show
+from .bench_cli import add_scene_options, common_options, run_with_bar, show
 from .build_table import NO_PEAK
 from .builds import BuildOptions, measure_builds
 from .growth import SIZES
 from .records import ResultsFolder
-from .spec import Spec, parse_spec
 from .terminal import add_scheduler_option, add_threads_option, chosen_scenes, positive, say
 
 DEFAULT_SPECS = ("native", "kd", "normals", "clustered", "random", "rbsp", "ize")
@@ -70,16 +68,20 @@ def _options(args: argparse.Namespace) -> BuildOptions:
     repeats = args.repeats or least
     if repeats < least:
         raise ValueError(f"--repeats is {repeats}, but it must be at least {least}")
-    return BuildOptions(
-        scenes=_growth_scene(args) if args.growth else chosen_scenes(args.scenes),
-        specs=_specs(args),
-        out=args.out or Path("results", f"bench-build-{datetime.now():%Y%m%d-%H%M%S}"),
-        variant=args.variant,
+    scenes = _growth_scene(args) if args.growth else chosen_scenes(args.scenes)
+    specs = args.specs or (GROWTH_SPECS if args.growth else DEFAULT_SPECS)
+    options = BuildOptions(
+        **common_options(args, scenes, "bench build", specs),
         threads=args.threads,
-        params=dict(args.params),
         repeats=repeats,
         sizes=_sizes(args),
     )
+    for spec in options.specs:
+        if args.growth and not spec.is_tree:
+            raise ValueError(
+                f'--growth builds without Mitsuba, where there is no "{spec.text}": leave it out of --specs'
+            )
+    return options
 
 
 def _growth_scene(args: argparse.Namespace) -> tuple[Path, ...]:
@@ -88,18 +90,6 @@ def _growth_scene(args: argparse.Namespace) -> tuple[Path, ...]:
             f"--growth takes one scene, but there are {len(args.scenes)}: {' '.join(map(str, args.scenes))}"
         )
     return chosen_scenes(args.scenes or [scenes_dir() / "knot.xml"])
-
-
-def _specs(args: argparse.Namespace) -> tuple[Spec, ...]:
-    found = tuple(
-        parse_spec(text) for text in dict.fromkeys(args.specs or (GROWTH_SPECS if args.growth else DEFAULT_SPECS))
-    )
-    for spec in found if args.growth else ():
-        if not spec.is_tree:
-            raise ValueError(
-                f'--growth builds without Mitsuba, where there is no "{spec.text}": leave it out of --specs'
-            )
-    return found
 
 
 def _sizes(args: argparse.Namespace) -> tuple[int, ...]:

@@ -44,18 +44,32 @@ def add_frame_options(sub: argparse.ArgumentParser, repeats: int, spp: int, reso
     )
 
 
-def frame_options(
-    args: argparse.Namespace, scenes: tuple[Path, ...], command: str, least: int, specs: Sequence[str]
+def default_folder(command: str) -> Path:
+    """Where a command's results are written unless --out says where; another folder every second."""
+    return Path("results", f"{command.replace(' ', '-')}-{datetime.now():%Y%m%d-%H%M%S}")
+
+
+def common_options(
+    args: argparse.Namespace, scenes: tuple[Path, ...], command: str, specs: Sequence[str]
 ) -> dict[str, Any]:
-    """The checked fields of Options, all but the threads; `command` is part of the default folder's name."""
-    if args.repeats < least:
-        raise ValueError(f"--repeats is {args.repeats}, but it must be at least {least}")
+    """The fields of Options that every command has, checked; `command` is part of the default folder's name."""
     return {
         "scenes": scenes,
         "specs": tuple(parse_spec(text) for text in dict.fromkeys(specs)),
-        "out": args.out or Path("results", f"{command}-{datetime.now():%Y%m%d-%H%M%S}"),
+        "out": args.out or default_folder(command),
         "variant": args.variant,
         "params": dict(args.params),
+    }
+
+
+def frame_options(
+    args: argparse.Namespace, scenes: tuple[Path, ...], command: str, least: int, specs: Sequence[str]
+) -> dict[str, Any]:
+    """The same with those of a frame that is measured several times."""
+    if args.repeats < least:
+        raise ValueError(f"--repeats is {args.repeats}, but it must be at least {least}")
+    return {
+        **common_options(args, scenes, command, specs),
         "spp": args.spp,
         "resolution": args.resolution,
         "repeats": args.repeats,

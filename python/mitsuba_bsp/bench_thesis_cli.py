@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from datetime import datetime
-from pathlib import Path
 
-from .bench_cli import add_scene_options, run_with_bar, show
+from .bench_cli import add_scene_options, common_options, run_with_bar, show
 from .comparison import Options
-from .spec import parse_spec
 from .terminal import add_scheduler_option, add_threads_option, chosen_scenes, positive
 from .thesis import BASELINE, SPECS, count_frames
 
@@ -29,21 +26,16 @@ def add_command(kinds: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def _bench_thesis(args: argparse.Namespace) -> int:
     """`mitsuba-bsp bench thesis`."""
-    specs = tuple(parse_spec(text) for text in dict.fromkeys((BASELINE, *args.specs)))
-    for spec in specs:
-        if not spec.is_tree:
-            raise ValueError(f'"{spec.text}" does not count the work for its rays: leave it out of --specs')
     options = Options(
-        scenes=chosen_scenes(args.scenes),
-        specs=specs,
-        out=args.out or Path("results", f"bench-thesis-{datetime.now():%Y%m%d-%H%M%S}"),
-        variant=args.variant,
+        **common_options(args, chosen_scenes(args.scenes), "bench thesis", (BASELINE, *args.specs)),
         threads=args.threads,
-        params=dict(args.params),
         spp=args.spp,
         resolution=args.resolution,
         command="bench thesis",
     )
+    for spec in options.specs:
+        if not spec.is_tree:
+            raise ValueError(f'"{spec.text}" does not count the work for its rays: leave it out of --specs')
     bar, status = run_with_bar(options, count_frames, args.scheduler)
     if bar.scenes:
         show(options.out)

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from .bench_cli import run_with_bar, show
 from .bench_rays_cli import add_ray_options, ray_options
-from .calibration import SETTINGS, SPECS, in_layout
+from .calibration import SETTINGS, SPECS
 from .replays import replay_scenes
+from .spec import with_setting
 from .terminal import INTERRUPTED, chosen_scenes
 
 MIN_REPEATS = 3
@@ -33,9 +34,8 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 def _calibrate(args: argparse.Namespace) -> int:
     """`mitsuba-bsp calibrate`."""
     scenes = tuple(dict.fromkeys((*chosen_scenes(()), *chosen_scenes(args.scenes))))
-    options = replace(
-        ray_options(args, scenes, "calibrate", MIN_REPEATS, in_layout(SPECS, args.layout)), command="calibrate"
-    )
+    specs = [with_setting(spec, f"layout={args.layout}") for spec in SPECS]
+    options = replace(ray_options(args, scenes, "calibrate", MIN_REPEATS, specs), command="calibrate")
     bar, status = run_with_bar(options, replay_scenes)
     if bar.scenes and status != INTERRUPTED:
         show(options.out)

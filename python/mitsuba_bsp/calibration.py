@@ -106,11 +106,6 @@ def measurements(records: Sequence[Record]) -> Measurements:
     )
 
 
-def in_layout(specs: Sequence[str], layout: str) -> tuple[str, ...]:
-    """The specs with nodes of this layout."""
-    return tuple(f"{spec}{',' if ':' in spec else ':'}layout={layout}" for spec in specs)
-
-
 def fit(data: Measurements, layout: str) -> Fit:
     """The prices, with intervals from resampling the trees (each with all its streams).
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
 from rich.table import Table
@@ -25,7 +24,7 @@ from . import (
     tables_cli,
     verify_cli,
 )
-from .bench_cli import add_spec_option, run_with_bar, show
+from .bench_cli import add_spec_option, frame_options, run_with_bar, show
 from .compare import compare
 from .comparison import MIN_REPEATS, Options
 from .jobs import Job, JobError, JobResult, run_job
@@ -130,18 +129,9 @@ def _seed(text: str) -> int:
 
 def _compare(args: argparse.Namespace) -> int:
     """`mitsuba-bsp compare`."""
-    if args.repeats < MIN_REPEATS:
-        raise ValueError(f"--repeats is {args.repeats}, but a median needs at least {MIN_REPEATS}")
     options = Options(
-        scenes=chosen_scenes(args.scenes),
-        specs=tuple(parse_spec(text) for text in dict.fromkeys(args.specs)),
-        out=args.out or Path("results", f"compare-{datetime.now():%Y%m%d-%H%M%S}"),
-        variant=args.variant,
+        **frame_options(args, chosen_scenes(args.scenes), "compare", MIN_REPEATS, args.specs),
         threads=args.threads,
-        params=dict(args.params),
-        spp=args.spp,
-        resolution=args.resolution,
-        repeats=args.repeats,
         cache=args.cache,
     )
     bar, status = run_with_bar(options, compare, args.scheduler)

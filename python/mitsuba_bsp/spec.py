@@ -75,9 +75,12 @@ _FOREIGN: dict[str, tuple[Setting, ...]] = {
     ),
     # The defaults are Mitsuba's own (render/kdtree.h and kdtree.cpp of 3.9.1).
     "native": (
-        Setting("kd_intersection_cost", "float", 20.0, "a number above 0", "SAH price of a triangle test", 1e-6, 1e6),
-        Setting("kd_traversal_cost", "float", 15.0, "a number above 0", "SAH price of a step", 1e-6, 1e6),
-        Setting("kd_empty_space_bonus", "float", 0.9, "a number from 0 to 1", "SAH factor for an empty side", 0, 1),
+        Setting("kd_intersection_cost", "float", 20.0, "a number above 0", "SAH price of a triangle test", 1e-6, 2**30),
+        Setting("kd_traversal_cost", "float", 15.0, "a number above 0", "SAH price of a step", 1e-6, 2**30),
+        Setting(
+            "kd_empty_space_bonus", "float", 0.9, "a number above 0 and at most 1", "SAH factor for an empty side",
+            1e-6, 1,
+        ),
         Setting("kd_stop_prims", "int", 3, f"{_COUNT} 1", "nodes with this many triangles are leaves", 1, 2**30),
         Setting("kd_max_depth", "int", 0, "0 to 48", "deepest level, 0 = 8 + 1.3 log2(triangles)", 0, 48),
         Setting("kd_min_max_bins", "int", 128, f"{_COUNT} 2", "bins of the approximate sweep", 2, 2**20),
@@ -135,6 +138,11 @@ def spec_text(name: str, **options: Value | None) -> str:
     """The spec with these options; those that are None are left out."""
     pairs = ",".join(f"{key}={value_text(value)}" for key, value in options.items() if value is not None)
     return f"{name}:{pairs}" if pairs else name
+
+
+def with_setting(text: str, setting: str) -> str:
+    """The spec with one more setting, unless that is empty."""
+    return f"{text}{',' if ':' in text else ':'}{setting}" if setting else text
 
 
 def shortest(text: str) -> str:

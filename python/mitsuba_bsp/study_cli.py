@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
 from functools import partial
-from pathlib import Path
 
-from .bench_cli import add_scene_options, run_with_bar, show
+from .bench_cli import add_scene_options, frame_options, run_with_bar, show
 from .records import ResultsFolder
 from .studies import STUDIES, heatmap
 from .studies.study import Study, StudyOptions, run_study, specs_of
@@ -55,18 +53,9 @@ def _add_study(commands: argparse._SubParsersAction[argparse.ArgumentParser], st
 
 def _study(study: Study, chosen: Sequence[str], command: str, args: argparse.Namespace) -> int:
     """`mitsuba-bsp study NAME` or `mitsuba-bsp heatmap`."""
-    if args.repeats < study.least_repeats:
-        raise ValueError(f"--repeats is {args.repeats}, but {study.name} needs at least {study.least_repeats}")
     options = StudyOptions(
-        scenes=chosen_scenes(args.scenes),
-        specs=(),
-        out=args.out or Path("results", f"{command.replace(' ', '-')}-{datetime.now():%Y%m%d-%H%M%S}"),
-        variant=args.variant,
+        **frame_options(args, chosen_scenes(args.scenes), command, study.least_repeats, ()),
         threads=args.threads,
-        params=dict(args.params),
-        spp=args.spp,
-        resolution=args.resolution,
-        repeats=args.repeats,
         choices={name: getattr(args, name) for name in chosen},
         command=command,
     )

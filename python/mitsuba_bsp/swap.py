@@ -34,7 +34,7 @@ _NOT_PLAIN = ("EllipsoidsMesh",)
 _BOUNDED = ("Sphere", "Disk", "Cylinder", "SDFGrid", "Ellipsoids")
 
 #: Keys of the group plugins that are no setting of a tree: flags, and paths of files.
-_PLUGIN_FLAGS = {"expand": ("true", "false"), "count": ("true", "false")}
+_PLUGIN_FLAGS = {"bsptree": ("expand", "count"), "nativekdtree": ("expand", "count", "check")}
 _PLUGIN_PATHS = ("cache", "record", "replay")
 
 
@@ -233,9 +233,9 @@ def _check_settings(plugin: str, props: mi.Properties, place: str) -> None:
             if given:
                 raise ValueError(f"merge takes no properties, but has {choices(given)}")
             return
-        for key, valid in _PLUGIN_FLAGS.items():
-            if given.pop(key, valid[0]) not in valid:
-                raise ValueError(f'"{key}" is neither {" nor ".join(valid)}')
+        for key in _PLUGIN_FLAGS[plugin]:
+            if given.pop(key, "true") not in ("true", "false"):
+                raise ValueError(f'"{key}" is neither true nor false')
         _check_tree_settings(plugin, given)
     except ValueError as error:
         raise ValueError(f"{place}: {error}") from None

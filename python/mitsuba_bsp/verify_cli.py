@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from .bench_cli import default_folder
 from .messages import choices, hint
 from .outcomes import write_outcomes
 from .records import ResultsFolder
@@ -53,7 +53,7 @@ def _verify(args: argparse.Namespace) -> int:
     if args.replay:
         return JOB_FAILED if replay(args.replay, [subject.spec for subject in subjects], out) else OK
     checks = _chosen_checks(args.only, args.nightly)
-    folder = args.out or Path("results", f"verify-{datetime.now():%Y%m%d-%H%M%S}")
+    folder = args.out or default_folder("verify")
     ResultsFolder(folder).check_writable()
     plan = Plan(subjects, incumbents(), args.seed, args.scale, folder)
     with _Bar() as bar:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_bsp.calibration import SPECS, Measurements, calibration_tables, fit, in_layout, measurements
+from mitsuba_bsp.calibration import SPECS, Measurements, calibration_tables, fit, measurements
 from mitsuba_bsp.intervals import median_interval
 from mitsuba_bsp.spec import parse_spec
 
@@ -35,10 +35,6 @@ def test_clean_times_give_the_constants_back() -> None:
 def test_a_wide_node_has_three_planes() -> None:
     found = fit(synthetic(), "wide")
     assert [s.value for s in found.settings.values()] == pytest.approx(3 * PRICES / PRICES[0])
-
-
-def test_specs_name_their_layout() -> None:
-    assert in_layout(("kd", "normals:k=4"), "wide") == ("kd:layout=wide", "normals:k=4,layout=wide")
 
 
 def test_noisy_times_give_intervals_that_hold_them() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from mitsuba_bsp import parse_spec, specs
 from mitsuba_bsp.figures import COLOURS
-from mitsuba_bsp.spec import Setting
+from mitsuba_bsp.spec import Setting, with_setting
 
 
 def test_names_are_mitsubas_accelerators_and_our_trees() -> None:
@@ -81,3 +81,11 @@ def test_a_setting_reads_values_in_its_range(text: str, value: int) -> None:
 def test_a_setting_refuses_values_out_of_its_range(text: str) -> None:
     with pytest.raises(ValueError, match="2 to 7"):
         Setting("n", "int", 2, "2 to 7", "", 2, 7).parse(text)
+
+
+def test_a_setting_is_added() -> None:
+    assert [with_setting(text, "layout=wide") for text in ("kd", "normals:k=4")] == [
+        "kd:layout=wide",
+        "normals:k=4,layout=wide",
+    ]
+    assert with_setting("kd", "") == "kd"

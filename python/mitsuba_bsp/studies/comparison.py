@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ..inference import adjusted, finding
 from ..intervals import median_interval
 from ..records import Record, ResultsFolder
-from ..spec import parse_spec
+from ..spec import parse_spec, with_setting
 from ..speeds import NONE
 from ..text_table import TextTable
 from ..thesis import PUBLISHED, PUBLISHED_TREES, published_scene
@@ -61,11 +61,6 @@ _LEGEND = (
     "difference beyond the noise of this run; probabilities are corrected for the number of comparisons on the scene "
     "(Benjamini, Hochberg)."
 )
-
-
-def with_setting(tree: str, setting: str) -> str:
-    """The spec with one more setting, unless that is empty."""
-    return f"{tree}{',' if ':' in tree else ':'}{setting}" if setting else tree
 
 
 def same_tree(one: str, other: str) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..figures import COLOURS, GUIDE, new_figure, plain
-from ..spec import parse_spec
+from ..spec import parse_spec, with_setting
 from ..thesis import PUBLISHED_TREES
-from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, as_measured, way_of, with_setting
+from .comparison import PUBLISHED_QUANTITIES, WAYS, Findings, as_measured, way_of
 from .runs import Runs
 from .tree_shapes import axis_node_shares, tree_row
 

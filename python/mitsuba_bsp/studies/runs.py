@@ -106,7 +106,6 @@ class Runs:
 
 
 @cache
-@cache
 def spec_of(tree: str) -> Spec:
     """The settings of a tree named in a record."""
     return parse_spec(tree)

@@ -21,7 +21,7 @@ from ..machine import available_threads
 from ..preflight import preflight
 from ..records import Record, ResultsFolder, append
 from ..scheduling import Local, Scheduler
-from ..spec import Spec, parse_spec
+from ..spec import Spec, parse_spec, with_setting
 from ..text_table import TextTable
 
 if TYPE_CHECKING:
@@ -46,8 +46,7 @@ class Cell:
 
     def spec(self, repeat: int) -> Spec:
         """The tree of one repetition."""
-        separator = "," if ":" in self.tree else ":"
-        return parse_spec(f"{self.tree}{separator}seed={repeat}" if self.seeded else self.tree)
+        return parse_spec(with_setting(self.tree, f"seed={repeat}") if self.seeded else self.tree)
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,8 @@ AXES: Mapping[str, tuple[Mapping[str, Value], ...]] = {
     "early_exit": ({"early_exit": "plane"},),
     "k": tuple({"k": k} for k in (3, 4, 9, 13, 25)),
     "sweep": ({"exact_below": ALWAYS_EXACT}, {"exact_below": ALWAYS_BINNED}),
-    "clip": ({"clip": False},),
     "leaf_size": tuple({"leaf_size": size} for size in (2, 4, 8, 16)),
     "max_references": tuple({"max_references": cap} for cap in (1.5, 2.0, 4.0, UNCAPPED)),
-    "max_depth": tuple({"max_depth": depth} for depth in (12, 16)),
-    "layout": ({"layout": "binary"},),
 }
 
 #: Fixed directions, and every plane of a triangle: how many directions there are, where that is the question.

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .check import Failure, Outcome, Plan, Subject, Unit, check, subject_units
+from .check import Outcome, Plan, Subject, Unit, check, subject_units
 from .contest import main_subjects
 from .meshes import Mesh, sphere, split_square
 from .oracle import Questions, build, found
@@ -99,16 +99,14 @@ def _all_hit(outcome: Outcome, plan: Plan, subject: Subject, mesh: Mesh, family:
     maxt = np.full(len(o), np.inf, np.float32)
     answers = tree.closest(o, d, maxt)
     missed = ~found(answers)
-
-    def failure() -> Failure:
-        index, spec = int(np.argmax(missed)), subject.spec.text
-        asked = Questions(mesh, family, plan.seed, o, d, maxt, answers)
-        return Failure(
-            f"{spec} lets a ray through a closed surface: {asked.describe(index)}",
-            asked.case(index, spec, "lets a ray through a closed surface", hit=True).to_json(),
-        )
-
-    outcome.add(family, len(o), int(missed.sum()), failure)
+    asked = Questions(mesh, family, plan.seed, o, d, maxt, answers)
+    sentence = "lets a ray through a closed surface"
+    outcome.add(
+        family,
+        len(o),
+        int(missed.sum()),
+        lambda: asked.failure(int(np.argmax(missed)), subject.spec.text, sentence, hit=True),
+    )
 
 
 @shared()

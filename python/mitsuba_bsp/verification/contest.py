@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import _core
-from .check import Failure, Outcome, Plan, Subject
+from . import judge
+from .check import Outcome, Plan, Subject
 from .meshes import Mesh
 from .oracle import Questions, build, differing, found
 from .rays import FAMILIES, Generator, Rays, plane_rays
@@ -82,13 +83,7 @@ def compare(outcome: Outcome, asked: Questions, contestants: Sequence[Contestant
 
 
 def report(outcome: Outcome, subject: Subject, asked: Questions, wrong: np.ndarray) -> None:
-    """Enter the wrong rays of one tree."""
-
-    def failure() -> Failure:
-        index, spec = int(np.argmax(wrong)), subject.spec.text
-        sentence = "answers otherwise than the oracle"
-        return Failure(f"{spec} {sentence}: {asked.describe(index)}", asked.case(index, spec, sentence).to_json())
-
-    outcome.add(asked.family, len(asked), int(wrong.sum()), failure)
+    """Enter the wrong rays of one tree, and how many it was asked."""
+    judge.enter(outcome, subject, asked, wrong, "answers otherwise than the oracle")
     rays = f"rays of {subject.spec.name}"
     outcome.figures[rays] = int(outcome.figures.get(rays, 0)) + len(asked)

@@ -15,6 +15,7 @@ from ..scalar import active_variant
 from ..spec import Spec
 from .meshes import Mesh, sphere, tessellated_box
 from .rays import INTERIOR_FAMILIES, Rays, grazing_inside, interior_rays
+from .wrapped import to_mitsuba
 
 PLACES = {"": (0, 0, 0), " at 1e3": (1e3, -1e3, 7e2), " at 2.7e5": (148376, 1234, -223423)}
 
@@ -43,22 +44,13 @@ def rays_inside(mesh: Mesh, family: str, count: int, rng: np.random.Generator) -
 def missed(mesh: Mesh, spec: Spec, rays: Rays) -> NDArray[np.bool_]:
     """Which rays hit nothing in a Mitsuba scene of this mesh under the accelerator."""
     with _scalar():
-        scene = load_dict({"type": "scene", "mesh": _to_mitsuba(mesh)}, spec.text)
+        scene = load_dict({"type": "scene", "mesh": to_mitsuba(mesh)}, spec.text)
         return np.array([_is_missed(scene, o, d) for o, d in zip(*(part.tolist() for part in rays), strict=True)])
 
 
 def _is_missed(scene: mi.Scene, origin: list[float], direction: list[float]) -> bool:
     ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), np.inf, 0.0, [])
     return not scene.ray_intersect_preliminary(ray).is_valid()
-
-
-def _to_mitsuba(mesh: Mesh) -> mi.Mesh:
-    made = mi.Mesh(mesh.name, len(mesh.vertices), len(mesh.faces))
-    parameters = mi.traverse(made)
-    parameters["vertex_positions"] = mesh.vertices.ravel()
-    parameters["faces"] = mesh.faces.ravel()
-    parameters.update()
-    return made
 
 
 @contextmanager

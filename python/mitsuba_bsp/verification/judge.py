@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accelerator import NO_TRIANGLE
-from .check import Failure, Outcome, Subject
+from .check import Outcome, Subject
 from .exact import ExactRay
 from .oracle import Questions
 
@@ -19,12 +19,10 @@ def enter(outcome: Outcome, subject: Subject, asked: Questions, wrong: NDArray[n
         blamed = [index for index in np.flatnonzero(wrong) if mt_erred(asked, index)]
         wrong[blamed] = False
         outcome.figures["mt_erred"] = int(outcome.figures.get("mt_erred", 0)) + len(blamed)
-
-    def failure() -> Failure:
-        index, spec = int(np.argmax(wrong)), subject.spec.text
-        return Failure(f"{spec} {sentence}: {asked.describe(index)}", asked.case(index, spec, sentence).to_json())
-
-    outcome.add(asked.family, len(asked), int(wrong.sum()), failure)
+    spec = subject.spec.text
+    outcome.add(
+        asked.family, len(asked), int(wrong.sum()), lambda: asked.failure(int(np.argmax(wrong)), spec, sentence)
+    )
 
 
 def mt_erred(asked: Questions, index: int) -> bool:

@@ -13,7 +13,7 @@ from .. import _core
 from ..accelerator import NO_TRIANGLE
 from ..spec import Spec
 from .cases import Case, describe_ray
-from .check import Subject
+from .check import Failure, Subject
 from .meshes import Mesh, small_meshes
 from .rays import FAMILIES, Rays, plane_rays
 from .threads import shared
@@ -57,6 +57,11 @@ class Questions:
         one = slice(index, index + 1)
         hits = None if hit is None else (hit,)
         return Case(why, self.mesh, *(part[one] for part in self.rays), hits, spec, self.seed)
+
+    def failure(self, index: int, spec: str, sentence: str, hit: bool | None = None) -> Failure:
+        """One of the rays, of which the sentence says what the spec does with it; `hit` as for `case`."""
+        case = self.case(index, spec, sentence, hit)
+        return Failure(f"{spec} {sentence}: {self.describe(index)}", case.to_json())
 
     def describe(self, index: int) -> str:
         """The ray and the triangle that it should hit, in hexadecimal floats."""
