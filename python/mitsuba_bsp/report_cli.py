@@ -25,10 +25,11 @@ def _report(args: argparse.Namespace) -> int:
     """`mitsuba-bsp report`."""
     folders = results_folders(args.folder)
     ResultsFolder(args.folder).check_writable()
-    with err.status(f"reading {len(folders)} results folders"):
+    what = f"{len(folders)} results folder{'s' if len(folders) > 1 else ''}"
+    with err.status(f"reading {what}"):
         page = make_page(folders, args.title or "Ray tracing accelerators compared")
     file = args.folder / NAME
     file.write_text(page, encoding="utf-8")
-    text = f"{file}: {len(folders)} results folders, {len(page.encode()) / 1e6:.1f} MB"
+    text = f"{file}: {what}, {len(page.encode()) / 1e6:.1f} MB"
     out.print(text, soft_wrap=True, markup=False)
     return OK
