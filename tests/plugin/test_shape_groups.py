@@ -157,12 +157,12 @@ def test_a_shape_listed_twice(spec: str) -> None:
 
 
 def test_groups_made_before_the_scene_stay_with_embree(capfd: pytest.CaptureFixture[str]) -> None:
-    """Nothing can be changed in them any more."""
+    """Nothing can be changed in them any more; that Embree answers shows in the last digits on some processors."""
     group = mi.load_dict({"type": "shapegroup", "a": {"type": "cube"}})
     instance = mi.load_dict({"type": "instance", "g": group})
     scene = load({"type": "scene", "g": group, "i": instance, "ball": ball(centre=(0, 0, 5))}, "kd")
     assert "these shapes stay with Embree: 1 ShapeGroupPlugin, 1 Instance" in capfd.readouterr().out
-    assert scene.ray_intersect(ray([0.1, 0.2, -5], [0, 0, 1])).t == 4
+    assert scene.ray_intersect(ray([0.1, 0.2, -5], [0, 0, 1])).t == pytest.approx(4, rel=1e-6)
     assert mitsuba_bsp.statistics(scene)["triangles"] == 288
 
 
