@@ -20,6 +20,11 @@ def one_sentence(error: BaseException | str) -> str:
     return text or f"{type(error).__name__} without a message"
 
 
+def amount(count: int, noun: str) -> str:
+    """ "1 table", "2 tables"."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def choices(names: Iterable[str]) -> str:
     """The valid choices as they appear in a message: "a, b, c"."""
     return ", ".join(names) or "none"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from .messages import amount
 from .records import ResultsFolder
 from .report.page import make_page
 from .tables_cli import results_folders
@@ -25,7 +26,7 @@ def _report(args: argparse.Namespace) -> int:
     """`mitsuba-bsp report`."""
     folders = results_folders(args.folder)
     ResultsFolder(args.folder).check_writable()
-    what = f"{len(folders)} results folder{'s' if len(folders) > 1 else ''}"
+    what = amount(len(folders), "results folder")
     with err.status(f"reading {what}"):
         page = make_page(folders, args.title or "Ray tracing accelerators compared")
     file = args.folder / NAME

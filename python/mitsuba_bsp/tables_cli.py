@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from .messages import amount
 from .outcomes import write_outcomes
 from .records import ResultsFolder
 from .terminal import OK, out
@@ -23,7 +24,8 @@ def _tables(args: argparse.Namespace) -> int:
     """`mitsuba-bsp tables`."""
     for folder in dict.fromkeys(found for path in args.folders for found in results_folders(path)):
         tables, figures = write_outcomes(folder)
-        out.print(f"{folder.path}: {len(tables)} tables, {len(figures)} figures", soft_wrap=True, markup=False)
+        made = f"{amount(len(tables), 'table')}, {amount(len(figures), 'figure')}"
+        out.print(f"{folder.path}: {made}", soft_wrap=True, markup=False)
     return OK
 
 
