@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsuba_bsp import _core
+from mitsuba_bsp import _core, parse_spec
 
 from .plugin_scenes import ball, place, to_mesh
 
@@ -86,6 +86,26 @@ def test_settings_of_a_bsptree(settings: dict[str, Any], sentence: str) -> None:
 )
 def test_settings_of_a_nativekdtree(settings: dict[str, Any], sentence: str) -> None:
     assert sentence in error_of(properties("nativekdtree", **settings))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "is_valid"),
+    [
+        ("kd_empty_space_bonus", 1.0, True),
+        ("kd_empty_space_bonus", 0.0, False),
+        ("kd_intersection_cost", 1e7, True),
+        ("kd_traversal_cost", 2e9, False),
+        ("kd_min_max_bins", 2**20 + 1, False),
+    ],
+)
+def test_the_spec_allows_native_what_its_plugin_allows(name: str, value: float, is_valid: bool) -> None:
+    if is_valid:
+        parse_spec(f"native:{name}={value}")
+        mi.load_dict(properties("nativekdtree", **{name: value}))
+        return
+    assert f"{name} is " in error_of(properties("nativekdtree", **{name: value}))
+    with pytest.raises(ValueError, match=f'"{name}" cannot be'):
+        parse_spec(f"native:{name}={value}")
 
 
 @pytest.mark.parametrize("plugin", ["bsptree", "nativekdtree"])

@@ -56,5 +56,4 @@ def test_how_many_rays_are_lost_from_very_far_away(
     assert (t.view(np.uint32) != brute["t"].view(np.uint32)).tolist() == lost.tolist()
     assert (hit & ~any_hit).tolist() == lost.tolist() and not (any_hit & ~hit).any()
     found, (least, most) = 100 * lost.sum() / hit.sum(), percent
-    print(f"{kind} {sizes:g}: {found:.3f} %")
-    assert found == 0 if most == 0 else 0.8 * least < found < 1.2 * most, f"{found:.2f} %"
+    assert found == 0 if most == 0 else 0.9 * least < found < 1.1 * most, f"{found:.2f} %"

@@ -81,3 +81,11 @@ def test_a_difference_is_a_difference_of_bits() -> None:
     }
     two = {**one, "t": np.float32([1, -0.0, 2.0000002])}
     assert differing(one, two).tolist() == [False, True, True]
+
+
+def test_a_fault_is_planted_in_the_tree_that_auto_chooses() -> None:
+    """For no rays it is the one that is built soonest, which has other planes than kd."""
+    mesh = large_mesh()
+    quick = parse_spec("auto:expected_rays=0")
+    planes = [build(mesh, spec, fault).planes().tolist() for spec, fault in ((quick, ""), (quick, "no_bound"))]
+    assert planes[0] == planes[1] != build(mesh, parse_spec("kd")).planes().tolist()

@@ -201,6 +201,10 @@ class TestMistakes:
         assert f"{path} (line 1, col " in message
         assert "\n" not in message
 
+    def test_native_may_be_checked_in_the_file(self, tmp_path: Path) -> None:
+        checked = f'<shape type="nativekdtree"><boolean name="check" value="true"/>{CUBE}</shape>'
+        assert "Cube" in plugins(open_file(write(tmp_path, checked)), "embree")
+
     def test_settings_in_the_file_may_be_right(self, tmp_path: Path) -> None:
         settings = (
             '<string name="tree" value="normals"/><integer name="k" value="6"/><string name="axes" value="fast"/>'
