@@ -43,7 +43,7 @@ public:
         Hit best;
         const Test test(own);
         for (const auto &[triangle, id] : m_triangles)
-            if (const TriangleHit hit = test.intersect(triangle);
+            if (const TriangleHit hit = test.template intersect<true>(triangle);
                 hit.t() >= 0 && hit.t() <= own.maxt && (hit.t() < best.t || !best.found()))
                 best = {hit.t(), hit.u(), hit.v(), id};
         for (std::uint32_t index = 0; own.maxt >= 0 && index < m_boxes.size(); ++index)

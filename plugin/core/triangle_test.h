@@ -93,14 +93,17 @@ public:
         return (moment ^ m_toward ^ Float8::all(-0.0f).and_not(e.none_negative)) < least;
     }
 
-    /// No branches: whether a triangle is hit can hardly be predicted.
-    template <typename Corners> [[gnu::always_inline]] TriangleHit intersect(const Corners &corners) const {
+    /// `likely_missed`: most triangles are, so that a branch pays; in a leaf it can hardly be predicted.
+    template <bool likely_missed = false, typename Corners>
+    [[gnu::always_inline]] TriangleHit intersect(const Corners &corners) const {
         const __m128 z = _mm_sub_ps(along(corners, m_z), half(m_origin_z));
         const __m128 x = _mm_fnmadd_ps(half(m_shear_x), z, _mm_sub_ps(along(corners, m_x), half(m_origin_x)));
         const __m128 y = _mm_fnmadd_ps(half(m_shear_y), z, _mm_sub_ps(along(corners, m_y), half(m_origin_y)));
         const __m256d edges = _mm256_sub_pd(_mm256_mul_pd(cab(x), bca(y)), _mm256_mul_pd(cab(y), bca(x))); // u, v, w
         const int negative = _mm256_movemask_pd(_mm256_cmp_pd(edges, _mm256_setzero_pd(), _CMP_LT_OQ));
         const int positive = _mm256_movemask_pd(_mm256_cmp_pd(edges, _mm256_setzero_pd(), _CMP_GT_OQ));
+        if (likely_missed && negative != 0 && positive != 0)
+            return {_mm_set1_ps(NAN)};
         const int outside = -int((negative != 0) & (positive != 0)); // all bits, which are not a number, or none
         // Where the triangle is seen from its edge the determinant is 0, and so is what it divides.
         const double inverse = 1 / sum(edges);
@@ -172,7 +175,7 @@ public:
         return (inside & (hit.z >= Float8::all(0))).bits();
     }
 
-    template <typename Corners> TriangleHit intersect(const Corners &corners) const {
+    template <bool /*likely_missed*/ = false, typename Corners> TriangleHit intersect(const Corners &corners) const {
         const auto corner = [&](unsigned i) { return Vec3f{corners(i, 0), corners(i, 1), corners(i, 2)}; };
         const auto [hit, inside] = test<float>(m_origin, m_direction, corner(0), corner(1), corner(2));
         return {inside ? _mm_setr_ps(hit.z, hit.x, hit.y, 0) : _mm_set1_ps(NAN)};
