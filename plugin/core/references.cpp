@@ -65,16 +65,6 @@ void ReferenceList::add(std::uint32_t id, const Vec3d *polygon, std::size_t coun
     starts.push_back(std::uint32_t(vertices.size()));
 }
 
-std::pair<double, double> ReferenceList::extent(std::size_t i, const Direction &direction) const {
-    double low = HUGE_VAL, high = -HUGE_VAL;
-    for (std::uint32_t v = starts[i]; v < starts[i + 1]; ++v) {
-        const double p = position(direction, vertices[v]);
-        low = std::min(low, p);
-        high = std::max(high, p);
-    }
-    return {low, high};
-}
-
 double ReferenceList::area(std::size_t i) const {
     if (is_primitive(ids[i]))
         return 0;

@@ -32,16 +32,27 @@ struct Events {
     }
 };
 
+/// What is kept from one sweep to the next: a node is swept many times.
+struct Kept {
+    Events events;
+    AreaProfile profile;
+};
+
+/// Not inline, or loops would ask for its address again and again.
+[[gnu::noinline]] Kept &kept_by_thread() {
+    static thread_local Kept kept;
+    return kept;
+}
+
 } // namespace
 
 std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cell, const Direction &direction,
                                 const CostModel &cost, std::vector<float> *offsets) {
-    static thread_local Events events; // reused, as the profile below: a node is swept many times
+    auto &[events, profile] = kept_by_thread();
     events.collect(references, direction);
     const auto &[starts, ends, planar, scratch] = events;
 
     const std::uint32_t count = std::uint32_t(references.size());
-    static thread_local AreaProfile profile;
     profile.reset(cell, direction);
     const double scale = 1 / cell.area();
     std::optional<SweptPlane> best;
@@ -79,7 +90,7 @@ std::optional<SweptPlane> sweep(const ReferenceList &references, const Cell &cel
 
 std::optional<SweptPlane> estimate(const ReferenceList &references, const Cell &cell, const Direction &direction,
                                    const CostModel &cost) {
-    static thread_local AreaProfile profile;
+    AreaProfile &profile = kept_by_thread().profile;
     profile.reset(cell, direction);
     constexpr std::size_t bins = 64;
     const double lower = profile.lower(), width = (profile.upper() - lower) / bins;
