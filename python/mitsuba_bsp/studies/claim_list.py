@@ -51,6 +51,9 @@ def _axes(one: str, other: str) -> tuple[tuple[str, str], ...]:
 #: With the axes among the directions, and without.
 AXES_PAIRS = _axes("plain", "none")
 
+#: Said of them, and judged over scenes and not on each.
+ALIGNMENT = "The axes help because scenes are partly axis-aligned"
+
 #: Both kinds of tree split as long as they can: a test costs as much as eighty steps.
 _TO_THE_END = {"intersection_cost": 80.0, "retract": False, "bad_refines": 60}
 

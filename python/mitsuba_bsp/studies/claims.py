@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..figures import GUIDE, new_figure, plain
-from ..inference import Effect, adjusted, finding, pooled_effect
+from ..inference import ALPHA, Effect, adjusted, finding, pooled_effect
 from ..records import Record, ResultsFolder
 from ..speeds import NONE
 from ..text_table import TextTable
-from .claim_list import AXES_PAIRS, CLAIMS, Claim
+from .claim_list import ALIGNMENT, AXES_PAIRS, CLAIMS, Claim
 from .runs import RENDER, Runs
 from .study import Cell, Study, StudyOptions, timed_and_counted
 from .verdicts import Evidence, Verdict, judge, percent
@@ -28,23 +28,44 @@ if TYPE_CHECKING:
 
 _COLOURS = {"confirmed": "#009E73", "refuted": "#D55E00", "open": "#0072B2"}
 
+_XLABEL = "% of what it is held against; strokes: scenes; dot and bar: all of them, with the 95 % interval"
+
 _LEGEND = (
     "Sentences of the draft, each about pairs of trees. Effects are medians over repetitions with 95 % bootstrap "
     "intervals; trees that draw directions have another seed in each repetition, and pairs share their seed. "
     "Confirmed: at least half of the scenes show it beyond the noise and none the opposite; refuted: the other way "
     "round; open: neither. Probabilities are Wilcoxon's for a scene or all of them, Student's for a pair of trees; "
-    "those of a claim are corrected for their number (Benjamini, Hochberg)."
+    "those of a claim are corrected for their number (Benjamini, Hochberg). That the axes help because scenes are "
+    "partly axis-aligned is judged by the ranks of scenes: those of the time with the axes against those of the area "
+    "along them, in whole percent; open if chance gives such a correlation more often than one time in twenty, or if "
+    "the times of scenes differ by no more than the noise."
 )
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim, and what was found: on each scene, over all of them, and the verdict."""
+    """A claim, and what was found: on each scene, over all of them, and the verdict.
+
+    `correlation` is what is claimed of the scenes together; there is no effect over all of them then.
+    """
 
     claim: Claim
     scenes: list[Evidence]
     overall: Effect | None
     verdict: Verdict
+    correlation: Correlation | None = None
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """A rank correlation, and how probable it and its opposite are by chance; below 0 is claimed."""
+
+    value: float
+    p_below: float
+    p_above: float
+
+    def __str__(self) -> str:
+        return f"rank correlation {self.value:.2f}"
 
 
 def plan(options: StudyOptions) -> list[Cell]:
@@ -77,51 +98,80 @@ def _limit(runs: Runs, claim: Claim) -> float:
     return 0.0 if claim.quantity.counted else runs.noise()
 
 
+def judge_alignment(runs: Runs) -> Judged:
+    """The verdict on why the axes help: the more of a scene lies along them, the less time it takes."""
+    axes = judge_claim(runs, next(claim for claim in CLAIMS if claim.pairs == AXES_PAIRS and claim.quantity == RENDER))
+    shares = _axis_shares(runs)
+    scenes = [item for item in axes.scenes if item.scene in shares]
+    ratios = [item.effect.ratio.value for item in scenes]
+    found = _correlation([shares[item.scene] for item in scenes], ratios)
+    claim = replace(axes.claim, sentence=ALIGNMENT)
+    return Judged(claim, scenes, None, _verdict_on(found, ratios, runs.noise()), found)
+
+
+def _axis_shares(runs: Runs) -> dict[str, int]:
+    """Percent of each scene's area along an axis; whole ones, for fewer decide nothing."""
+    tree = AXES_PAIRS[0][0]
+    rows = {scene: runs.first(scene, "work", tree) for scene in runs.scenes}
+    return {scene: round(100 * row["axis_area_share"]) for scene, row in rows.items() if row}
+
+
+def _correlation(shares: Sequence[int], ratios: Sequence[float]) -> Correlation | None:
+    """Of ranks; scenes are few, so that all orders can be tried."""
+    from scipy.stats import permutation_test, spearmanr
+
+    if len(ratios) < 3 or not np.ptp(shares) or not np.ptp(ratios):
+        return None
+    below, above = (
+        permutation_test(
+            (ratios,),
+            lambda ratios: spearmanr(shares, ratios).statistic,
+            permutation_type="pairings",
+            alternative=alternative,
+            rng=0,
+        )
+        for alternative in ("less", "greater")
+    )
+    return Correlation(float(below.statistic), float(below.pvalue), float(above.pvalue))
+
+
+def _verdict_on(found: Correlation | None, ratios: Sequence[float], noise: float) -> Verdict:
+    if found is None:
+        return Verdict("open", "too few scenes for a correlation")
+    apart = max(ratios) / min(ratios) - 1
+    why = f"{found}; the times of scenes differ by {100 * apart:.0f} %, the noise is {100 * noise:.0f} %"
+    if apart <= noise or min(found.p_below, found.p_above) >= ALPHA:
+        return Verdict("open", why)
+    return Verdict("confirmed" if found.p_below < ALPHA else "refuted", why)
+
+
 def tables(rows: Sequence[Record]) -> list[TextTable]:
     """The verdicts; whether the axes help more in scenes that are more axis-aligned; and the evidence of each claim."""
     runs = Runs(rows)
-    found = [judge_claim(runs, claim) for claim in CLAIMS]
+    alignment = judge_alignment(runs)
+    found = [*(judge_claim(runs, claim) for claim in CLAIMS), alignment]
     verdicts = TextTable(
         f"verdicts (noise {runs.noise():.1%})",
         ("claim", "found, %", "p", "verdict", "why"),
-        tuple((own.claim.sentence, percent(own.overall), _p(own.overall), *_words(own.verdict)) for own in found),
+        tuple((own.claim.sentence, percent(own.overall), _p(own), own.verdict.word, own.verdict.why) for own in found),
     )
-    return [verdicts, _axes_table(runs), *(_evidence_table(runs, claim) for claim in CLAIMS)]
+    return [verdicts, _axes_table(runs, alignment), *(_evidence_table(runs, claim) for claim in CLAIMS)]
 
 
-def _p(effect: Effect | None) -> str:
-    return f"{effect.p:.2g}" if effect else NONE
+def _p(own: Judged) -> str:
+    if own.correlation:
+        return f"{own.correlation.p_below:.2g}"
+    return f"{own.overall.p:.2g}" if own.overall else NONE
 
 
-def _words(verdict: Verdict) -> tuple[str, str]:
-    return verdict.word, verdict.why
-
-
-def _axes_table(runs: Runs) -> TextTable:
-    from scipy.stats import permutation_test, spearmanr
-
-    tree = AXES_PAIRS[0][0]
-    claim = next(claim for claim in CLAIMS if claim.pairs == AXES_PAIRS and claim.quantity == RENDER)
-    shares = {scene: row["axis_area_share"] for scene in runs.scenes if (row := runs.first(scene, "work", tree))}
-    gains = {scene: effect for scene in shares if (effect := pooled_effect(_ratios(runs, claim, scene)))}
-    columns = [shares[scene] for scene in gains], [effect.ratio.value for effect in gains.values()]
-    title = "the axes help because scenes are partly axis-aligned: "
-    if len(gains) > 2 and all(np.ptp(column) > 0 for column in columns):
-        # Scenes are few, so that all orders can be tried.
-        found = permutation_test(
-            columns[1:],
-            lambda gains: spearmanr(columns[0], gains).statistic,
-            permutation_type="pairings",
-            alternative="less",
-            rng=0,
-        )
-        title += f"rank correlation {found.statistic:.2f} (p {found.pvalue:.2g}); below 0 is claimed"
-    else:
-        title += "too few scenes for a correlation"
+def _axes_table(runs: Runs, own: Judged) -> TextTable:
+    shares = _axis_shares(runs)
+    found = own.correlation
+    told = f"{found} (p {found.p_below:.2g}); below 0 is claimed" if found else own.verdict.why
     return TextTable(
-        title,
+        f"{ALIGNMENT}: {told}",
         ("scene", "area within a degree of an axis", "time with the axes, % of without"),
-        tuple((scene, f"{shares[scene]:.0%}", percent(effect)) for scene, effect in gains.items()),
+        tuple((item.scene, f"{shares[item.scene]}%", percent(item.effect)) for item in own.scenes),
     )
 
 
@@ -143,18 +193,22 @@ def _evidence_table(runs: Runs, claim: Claim) -> TextTable:
 def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Figure]]:
     """One line a claim: what was found over all scenes, and a stroke for each."""
     runs = Runs(rows)
-    found = [judge_claim(runs, claim) for claim in reversed(CLAIMS)]
+    found = [judge_alignment(runs), *(judge_claim(runs, claim) for claim in reversed(CLAIMS))]
     figure = new_figure(10, 0.7 + 0.62 * len(found))
-    axes = figure.add_subplot(xscale="log", xlabel="% of what it is held against")
+    axes = figure.add_subplot(xscale="log", xlabel=_XLABEL)
     axes.axvline(100, color=GUIDE, linewidth=0.8, linestyle=":")
     for place, own in enumerate(found):
         _draw(axes, place, own)
-    axes.set_yticks(range(len(found)), [textwrap.fill(own.claim.sentence, 48) for own in found], fontsize=8)
+    axes.set_yticks(range(len(found)), [textwrap.fill(_label(own), 48) for own in found], fontsize=8)
     for which in ("major", "minor"):
         axes.tick_params(axis="x", which=which, labelsize=8)
         getattr(axes.xaxis, f"set_{which}_formatter")("{x:g}")
     plain(axes)
     yield "claims", figure
+
+
+def _label(own: Judged) -> str:
+    return f"{own.claim.sentence} ({own.correlation})" if own.correlation else own.claim.sentence
 
 
 def _draw(axes: Axes, place: int, own: Judged) -> None:
