@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,7 @@ from fake_workers import Workers, study
 
 from mitsuba_bsp.records import ResultsFolder
 from mitsuba_bsp.studies import STUDIES
-from mitsuba_bsp.studies.claim_list import CLAIMS
+from mitsuba_bsp.studies.claim_list import ALIGNMENT, CLAIMS
 from mitsuba_bsp.studies.comparison import Findings, as_measured
 from mitsuba_bsp.studies.cost import RULES, prices
 from mitsuba_bsp.studies.runs import RENDER, Runs
@@ -130,7 +132,28 @@ class TestCost:
         assert pairs["rule", "constant", "linear"] == 3 * 2 * 2
         assert pairs["alpha", "0.1", "0.5"] == 3 * 2 * 3
         assert all(cells[3] == "100.0 [100.0, 100.0]" and cells[5] == "noise" for cells in found)
+        apart = {tuple(cells[:5]): int(cells[8]) for cells in table(out, "the same on each scene")}
+        assert apart["layout", "binary", "wide", "room", "-"] == 3 * (1 + 3 * 2)
+        assert apart["alpha", "0.1", "0.5", "room", "wide"] == 3 * 3
         assert {cells[2] for cells in table(out, "room, 30 triangles")} == set(RULES)
+
+    def test_what_one_scene_shows_is_not_pooled_away(self, workers: Workers, room: Path, tmp_path: Path) -> None:
+        """A larger alpha takes a tenth longer in one scene, and as much less in the other."""
+        out = tmp_path / "out"
+        other = room.with_name("other.xml")
+        shutil.copy(room, other)
+        assert study("cost", room, other, "--alpha", "0.1", "0.5", "--repeats", "5", "--out", out) == 0
+
+        def slower(own: dict) -> dict:
+            factor = {"room": 1.1, "other": 1 / 1.1}[own["scene"]]
+            changed = own["measure"] == "time" and "alpha=0.5" in own["tree"]
+            return {**own, "render_cpu_s": own["render_cpu_s"] * factor} if changed else own
+
+        pooled, apart, *_ = STUDIES["cost"].tables([slower(own) for own in ResultsFolder(out).records()])
+        assert {cells[5] for cells in pooled.rows if cells[0] == "alpha"} == {"noise"}
+        found = {cells[3:5]: cells[7] for cells in apart.rows if cells[0] == "alpha"}
+        layouts = ("binary", "wide")
+        assert found == {("room", own): "less" for own in layouts} | {("other", own): "more" for own in layouts}
 
 
 class TestClaims:
@@ -141,7 +164,8 @@ class TestClaims:
 
     def test_verdicts(self, out: Path) -> None:
         words = {cells[0]: cells[3] for cells in table(out, "verdicts")}
-        assert len(words) == len(CLAIMS)
+        assert len(words) == len(CLAIMS) + 1
+        assert words[ALIGNMENT] == "open"
         assert words["BSP trees need fewer triangle tests than kd-trees (binary nodes)"] == "confirmed"
         assert words["BSP trees render in less time than kd-trees (wide nodes)"] == "confirmed"
         assert words["BSP trees take more traversal steps than kd-trees (wide nodes)"] == "open"  # just as many
@@ -159,6 +183,31 @@ class TestClaims:
 
     def test_too_few_scenes_for_a_correlation(self, out: Path) -> None:
         assert "too few scenes for a correlation" in (out / "table.md").read_text()
+
+    @pytest.mark.parametrize(
+        ("shares", "times", "word"),
+        [
+            ((0.1, 0.2, 0.3, 0.4), (1.0, 0.8, 0.6, 0.5), "confirmed"),
+            ((0.1, 0.2, 0.3, 0.4), (0.5, 0.6, 0.8, 1.0), "refuted"),
+            ((0.001, 0.002, 0.3, 0.4), (1.0, 0.8, 0.6, 0.5), "open"),  # the first two have the same rank
+            ((0.1, 0.2, 0.3, 0.4), (1.03, 1.02, 1.01, 1.0), "open"),  # within the noise
+        ],
+    )
+    def test_why_the_axes_help(
+        self, workers: Workers, room: Path, tmp_path: Path, shares: Sequence[float], times: Sequence[float], word: str
+    ) -> None:
+        assert study("claims", room, "--repeats", "3", "--out", tmp_path / "out") == 0
+        rows = []
+        for number, (share, seconds) in enumerate(zip(shares, times, strict=True)):
+            for own in ResultsFolder(tmp_path / "out").records():
+                changed = {"scene": f"room{number}", "axis_area_share": share}
+                if "axes=plain" in own["tree"]:
+                    changed |= {"render_cpu_s": seconds}
+                elif "axes=none" in own["tree"]:
+                    changed |= {"render_cpu_s": 1.0}
+                rows.append({**own, **changed})
+        verdicts, *_ = STUDIES["claims"].tables(rows)
+        assert {cells[0]: cells[3] for cells in verdicts.rows}[ALIGNMENT] == word
 
 
 class TestHotSpots:

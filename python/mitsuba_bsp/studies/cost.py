@@ -6,9 +6,9 @@ gain much (Ize, Wald, Parker 2008; Hoobergs 2019), and a retry at the constant p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, cycle
 from statistics import geometric_mean, median
 from typing import TYPE_CHECKING
 
@@ -29,9 +29,16 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 ALPHAS = (0.02, 0.05, 0.1, 0.2, 0.5)
 LAYOUTS = ("binary", "wide")
+
+#: Of scenes in the figure.
+_MARKERS, _FAINT = "os^Dv*", 0.45
+
+#: How far the points of rules lie from their alpha, and those of scenes from each other.
+_SHIFTS, _ASIDE = (0, -0.2, 0, 0.2), 0.05
 
 #: The rules of oblique prices: the setting `oblique_price`, and whether splits are tried again at the constant price.
 RULES = {
@@ -41,13 +48,16 @@ RULES = {
     "surcharge, retry": ("surcharge", True),
 }
 
+_COLOURS = dict(zip(RULES, ("#000000", "#0072B2", "#D55E00", "#009E73"), strict=True))
+
 _LEGEND = (
     "Render time, triangle tests and steps of closest-hit rays, in percent of kd with the same layout, against the "
     "price of oblique planes: constant; linear in the number of triangles (axis_cost + alpha * intersection_cost * (n "
     "- 1)), without and with a retry at the constant price; surcharge: oblique_cost + the same. What decides: pairs "
-    "of trees that differ in one thing alone, everything else equal, over all scenes and repetitions: the median "
-    "ratio of their times with its 95 % interval, Wilcoxon's test, corrected for the number of comparisons "
-    "(Benjamini, Hochberg)."
+    "of trees that differ in one thing alone, everything else equal, over all scenes and repetitions, then on each "
+    "scene and in each layout: the median ratio of their times with its 95 % interval, and Wilcoxon's test, corrected "
+    "for the number of comparisons in both tables together (Benjamini, Hochberg). A constant price, which has no "
+    "alpha, is paired with that of every alpha: such pairs share a tree, and their p is too small."
 )
 
 
@@ -100,15 +110,15 @@ def found_prices(runs: Runs) -> dict[Price, str]:
 
 
 def tables(rows: Sequence[Record]) -> list[TextTable]:
-    """What decides, and every price on every scene."""
+    """What decides, over all scenes and on each, and every price on every scene."""
     runs = Runs(rows)
     found = found_prices(runs)
-    return [_deciding_table(runs, found), *(_scene_table(runs, scene, found) for scene in runs.scenes)]
+    return [*_deciding_tables(runs, found), *(_scene_table(runs, scene, found) for scene in runs.scenes)]
 
 
 def _scene_table(runs: Runs, scene: str, found: dict[Price, str]) -> TextTable:
     effects = {
-        price: {quantity: runs.effect(scene, tree, _kd(price), quantity) for quantity in _QUANTITIES}
+        price: {quantity: runs.effect(scene, tree, _kd(price.layout), quantity) for quantity in _QUANTITIES}
         for price, tree in found.items()
     }
     corrected = adjusted([own[RENDER] for own in effects.values()])
@@ -131,41 +141,70 @@ def _scene_table(runs: Runs, scene: str, found: dict[Price, str]) -> TextTable:
 _QUANTITIES = (RENDER, TESTS, STEPS)
 
 
-def _kd(price: Price) -> str:
-    return spec_text("kd", layout=price.layout)
+def _kd(layout: str) -> str:
+    return spec_text("kd", layout=layout)
 
 
-def _deciding_table(runs: Runs, found: dict[Price, str]) -> TextTable:
-    """Each choice against each other one, all else equal; the largest effect first."""
-    compared = _comparisons(runs, found)
-    effects = [pooled_effect(ratios) for ratios in compared.values()]
+@dataclass(frozen=True)
+class Compared:
+    """Trees that differ in one choice alone; `scene` and `layout` are empty where all are pooled."""
+
+    choice: str
+    one: str
+    other: str
+    scene: str = ""
+    layout: str = ""
+
+
+def _deciding_tables(runs: Runs, found: dict[Price, str]) -> list[TextTable]:
+    """Each choice against each other one, all else equal, pooled and where they were made; the largest effect first."""
+    pooled = _comparisons(runs, found)
+    apart = _comparisons(runs, found, apart=True)
+    both = [*pooled.items(), *apart.items()]
+    effects = [pooled_effect(ratios) for _, ratios in both]
+    corrected = adjusted(effects)  # all of them are one family
     noise = runs.noise()
-    lines = [
-        (what, one, other, percent(effect), f"{p:.2g}", finding(effect, p, noise), str(len(ratios)))
-        for ((what, one, other), ratios), effect, p in zip(compared.items(), effects, adjusted(effects), strict=True)
-        if effect
+    lines: dict[Compared, tuple[float, tuple[str, ...]]] = {}
+    for (key, ratios), effect, p in zip(both, effects, corrected, strict=True):
+        if effect:
+            cells = (percent(effect), f"{p:.2g}", finding(effect, p, noise), str(len(ratios)))
+            lines[key] = (abs(float(np.log(effect.ratio.value))), cells)
+
+    def ordered(keys: Iterable[Compared]) -> list[Compared]:
+        return sorted((key for key in keys if key in lines), key=lambda key: -lines[key][0])
+
+    title, head = "render time of the one in percent of the other's", ("choice", "the one", "the other")
+    numbers = ("%", "p", "finding", "pairs")
+    return [
+        TextTable(
+            f"what decides: {title} (noise {noise:.1%})",
+            (*head, *numbers),
+            tuple((key.choice, key.one, key.other, *lines[key][1]) for key in ordered(pooled)),
+        ),
+        TextTable(
+            f"the same on each scene and in each layout: {title}",
+            (*head, "scene", "layout", *numbers),
+            tuple(
+                (key.choice, key.one, key.other, key.scene, key.layout or NONE, *lines[key][1])
+                for key in ordered(apart)
+            ),
+        ),
     ]
-    size = {
-        line[:3]: abs(np.log(effect.ratio.value)) for line, effect in zip(lines, filter(None, effects), strict=True)
-    }
-    return TextTable(
-        f"what decides: render time of the one in percent of the other's (noise {noise:.1%})",
-        ("choice", "the one", "the other", "%", "p", "finding", "pairs"),
-        tuple(sorted(lines, key=lambda line: -size[line[:3]])),
-    )
 
 
-def _comparisons(runs: Runs, found: dict[Price, str]) -> dict[tuple[str, str, str], list[float]]:
-    """Ratios of render times of trees that differ in one choice."""
-    ratios: dict[tuple[str, str, str], list[float]] = {}
-    for field, values in (("layout", LAYOUTS), ("rule", tuple(RULES)), ("alpha", _alphas(found))):
+def _comparisons(runs: Runs, found: dict[Price, str], apart: bool = False) -> dict[Compared, list[float]]:
+    """Ratios of render times of trees that differ in one choice, pooled, or `apart` by scene and layout."""
+    ratios: dict[Compared, list[float]] = {}
+    for choice, values in (("layout", LAYOUTS), ("rule", tuple(RULES)), ("alpha", _alphas(found))):
         for one, other in combinations(values, 2):
             for price, tree in found.items():
-                twin = found.get(_with(price, field, one))
-                if getattr(price, field) == other and twin:
-                    ratios.setdefault((field, str(one), str(other)), []).extend(
-                        ratio for scene in runs.scenes for ratio in runs.ratios(scene, twin, tree, RENDER)
-                    )
+                twin = found.get(_with(price, choice, one))
+                if getattr(price, choice) == other and twin:
+                    for scene in runs.scenes:
+                        layout = "" if choice == "layout" else price.layout
+                        where = (scene, layout) if apart else ()
+                        key = Compared(choice, str(one), str(other), *where)
+                        ratios.setdefault(key, []).extend(runs.ratios(scene, twin, tree, RENDER))
     return ratios
 
 
@@ -184,44 +223,63 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
     runs = Runs(rows)
     found = found_prices(runs)
     names = sorted({price.name for price in found})
-    figure = new_figure(10.5, 0.9 + 2.6 * len(LAYOUTS) * len(names))
+    figure = new_figure(13, 0.9 + 3.6 * len(LAYOUTS) * len(names))
     grid = figure.subplots(len(LAYOUTS) * len(names), 3, sharex=True, squeeze=False)
     for line, (name, layout) in zip(grid, [(n, layout) for n in names for layout in LAYOUTS], strict=True):
         for panel, quantity in zip(line, _QUANTITIES, strict=True):
             _draw(panel, runs, {p: t for p, t in found.items() if (p.name, p.layout) == (name, layout)}, quantity)
-        line[0].set_ylabel(f"{name}, {layout}\n% of kd, geometric mean")
+        line[0].set_ylabel(f"{name}, {layout}\n% of kd; thick: geometric mean of scenes")
     for panel, title in zip(grid[0], ("render time", "triangle tests", "steps"), strict=True):
         panel.set_title(title)
     for panel in grid[-1]:
         panel.set_xlabel("alpha")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles=_legend_lines(runs), loc="outside lower center", ncols=4, frameon=False)
     yield "cost", figure
 
 
 def _draw(panel: Axes, runs: Runs, found: dict[Price, str], quantity: Quantity) -> None:
+    """Places are those of alphas, in order; what has none is left of them, with a line across."""
     panel.axhline(100, color=GUIDE, linewidth=0.8, linestyle=":")
-    panel.set_xscale("log")
-    for rule, colour in zip(RULES, ("#000000", "#0072B2", "#D55E00", "#009E73"), strict=True):
-        own = {price.alpha: tree for price, tree in found.items() if price.rule == rule}
-        means = {alpha: _mean(runs, tree, next(iter(found)).layout, quantity) for alpha, tree in own.items()}
-        points = [(alpha, value) for alpha, value in means.items() if value is not None]
-        if not points:
-            continue
-        if points[0][0] is None:
-            panel.axhline(points[0][1], color=colour, linewidth=1.3, label=rule)
-        else:
-            panel.plot(*zip(*points, strict=True), "o-", markersize=3.5, linewidth=1.3, color=colour, label=rule)
     alphas = _alphas(found)
-    panel.set_xticks(alphas, [f"{alpha:g}" for alpha in alphas], minor=False)
-    panel.minorticks_off()
+    places = {alpha: place for place, alpha in enumerate((None, *alphas))}
+    for shift, (rule, colour) in zip(_SHIFTS, _COLOURS.items(), strict=True):
+        own = {places[price.alpha]: tree for price, tree in found.items() if price.rule == rule}
+        layout = next(iter(found)).layout
+        for number, scene in enumerate(runs.scenes):
+            effects = {place: runs.effect(scene, tree, _kd(layout), quantity) for place, tree in own.items()}
+            aside = shift + _ASIDE * (number - (len(runs.scenes) - 1) / 2)
+            points = [(place + aside, effect.ratio) for place, effect in effects.items() if effect]
+            for place, ratio in points:
+                panel.plot([place] * 2, [100 * ratio.low, 100 * ratio.high], color=colour, alpha=_FAINT, linewidth=1)
+            marker = _MARKERS[number % len(_MARKERS)]
+            line = [(place, 100 * ratio.value) for place, ratio in points]
+            if line:
+                panel.plot(*zip(*line, strict=True), marker, color=colour, alpha=_FAINT, markersize=4)
+                panel.plot(*zip(*line, strict=True), color=colour, alpha=_FAINT / 2, linewidth=0.7)
+        means = {place: _mean(runs, tree, layout, quantity) for place, tree in own.items()}
+        line = [(place, value) for place, value in means.items() if value is not None]
+        if line and rule == "constant":
+            panel.axhline(line[0][1], color=colour, linewidth=1.6)
+        elif line:
+            panel.plot(*zip(*line, strict=True), color=colour, linewidth=1.6)
+    panel.set_xticks(list(places.values()), ["none", *(f"{alpha:g}" for alpha in alphas)])
     plain(panel)
+
+
+def _legend_lines(runs: Runs) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+
+    rules = [Line2D([], [], color=colour, linewidth=1.6, label=rule) for rule, colour in _COLOURS.items()]
+    scenes = [
+        Line2D([], [], color="0.3", alpha=_FAINT, marker=marker, markersize=4, linewidth=1, label=scene)
+        for scene, marker in zip(runs.scenes, cycle(_MARKERS))
+    ]
+    return [*rules, *scenes]
 
 
 def _mean(runs: Runs, tree: str, layout: str, quantity: Quantity) -> float | None:
     """Percent of kd, geometric mean over the scenes."""
-    kd = spec_text("kd", layout=layout)
-    medians = [median(found) for scene in runs.scenes if (found := runs.ratios(scene, tree, kd, quantity))]
+    medians = [median(found) for scene in runs.scenes if (found := runs.ratios(scene, tree, _kd(layout), quantity))]
     return 100 * geometric_mean(medians) if medians else None
 
 
