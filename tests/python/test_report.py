@@ -34,6 +34,10 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 SPECS = ["native", "embree", "kd", "normals"]
 
+TREES = ["kd", "normals", "clustered"]
+
+LONG = "normals:layout=binary,k=6,axes=fast,intersection_cost=80,retract=false,bad_refines=60"
+
 
 def measure(what: str, **times: float) -> Measure:
     runs = {spec: {repeat: seconds * (1 + repeat / 1000) for repeat in range(3)} for spec, seconds in times.items()}
@@ -63,13 +67,40 @@ class TestSummary:
     def test_what_nobody_else_was_measured_with(self) -> None:
         (win,) = wins([measure("frame", kd=3)])
         assert win.second == "" and win.lead is win.build_s is win.builds is None and not win.is_clear
-        assert sentences([win]) == ["Whole frames (run). The best trees are kd in room."]
+        assert sentences([win]) == ["Whole frames (run). The best of our trees: kd in room."]
         assert not list(wins([measure("frame", native=1, embree=1)]))
 
     def test_a_lead_within_the_noise_is_not_clear(self) -> None:
         runs = {"kd": {0: 1.0, 1: 1.2, 2: 1.0}, "normals": {0: 1.1, 1: 1.1, 2: 1.1}}
         (win,) = wins([Measure("room", "frame", "run", "s", runs)])
         assert win.spec == "kd" and not win.is_clear
+        assert sentences([win]) == ["Whole frames (run). The best of our trees: no clear winner in room (kd, normals)."]
+        close = {
+            spec: {repeat: 1 + 0.1 * (repeat == number) for repeat in range(3)} for number, spec in enumerate(TREES)
+        }
+        (win,) = wins([Measure("room", "frame", "run", "s", close | {"ize": dict.fromkeys(range(3), 9.0)})])
+        assert sentences([win])[0].endswith("no clear winner in room (kd, normals and 1 more).")
+
+    def test_one_repetition_does_not_tell_its_noise(self) -> None:
+        (win,) = wins([Measure("room", "frame", "run", "s", {"kd": {0: 1.0}, "normals": {0: 2.0}})])
+        assert win.spec == "kd" and not win.is_clear and win.rivals == ["normals"]
+
+    def test_trees_that_promise_no_answers_do_not_win(self) -> None:
+        quick = ("kd:precision=fast", "kd:precision=epsilon", "normals:early_exit=plane", "brute")
+        (win,) = wins([measure("frame", kd=3, normals=4, **dict.fromkeys(quick, 1))])
+        assert (win.spec, win.second) == ("kd", "normals")
+        assert not list(wins([measure("frame", **{"kd:precision=fast": 1})]))
+
+    def test_a_speed_is_the_one_of_the_tables(self) -> None:
+        runs = {"native": {0: 2.0, 1: 6.0, 2: 3.0}, "kd": {0: 1.0, 1: 1.5, 2: 2.0}}
+        ratios = Measure("room", "frame", "run", "s", runs)
+        medians = replace(ratios, of_medians=True)
+        assert ratios.speedup("kd", "native") == Interval(2, 1.5, 4)
+        assert medians.speedup("kd", "native") == Interval(2, 1.5, 4)
+        shifted = replace(medians, times={**runs, "kd": {0: 1.0, 1: 1.0, 2: 2.0}})
+        assert shifted.speedup("kd", "native").value == 3
+        assert replace(shifted, of_medians=False).speedup("kd", "native").value == 2
+        assert medians.speedup("kd", "embree") is None
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +242,13 @@ class TestMeasures:
         assert [measure.what for measure in measures(self.outcome(folder))] == ["rendering", "building"]
         loaded = self.outcome(folder, statistics={"loaded": True})
         assert [measure.what for measure in measures(loaded)] == ["rendering"]
+
+    def test_speeds_of_a_comparison_are_those_of_its_table(self, results: Path, tmp_path: Path) -> None:
+        found = self.outcome(Path(shutil.copytree(results / "compare", tmp_path / "compare")))
+        rendering, table = next(measures(found)), found.tables()[0]
+        place = table.head.index("x native")
+        shown = {spec: f"{rendering.speedup(spec, 'native').value:.2f}" for spec in SPECS}
+        assert shown == {row[0]: row[place] for row in table.rows}
 
     def test_images_of_another_machine_are_not_shown(self, results: Path, tmp_path: Path) -> None:
         folder = Path(shutil.copytree(results / "compare", tmp_path / "compare"))

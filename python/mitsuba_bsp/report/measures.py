@@ -7,24 +7,33 @@ from dataclasses import dataclass
 from operator import itemgetter
 from statistics import median
 
-from ..intervals import Interval, median_interval
+import numpy as np
+
+from ..intervals import CONFIDENCE, Interval, median_interval
 from ..outcomes import Outcome
 from ..records import Record, of
 from ..spec import names, parse_spec
 from ..studies.runs import BUILD, RENDER, Quantity
+from ..verification.check import Subject
 
 _Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
+
+_RESAMPLES = 2000
 
 
 @dataclass(frozen=True)
 class Measure:
-    """What was timed in one scene: seconds (of rays: nanoseconds) of every accelerator, by its repetitions."""
+    """What was timed in one scene: seconds (of rays: nanoseconds) of every accelerator, by its repetitions.
+
+    A speed is what the tables of its command say: the median of the ratios of repetitions, or a ratio of medians.
+    """
 
     scene: str
     what: str
     run: str  #: the name of its results folder
     unit: str
     times: Mapping[str, Mapping[int, float]]
+    of_medians: bool = False
 
     @property
     def is_build(self) -> bool:
@@ -44,15 +53,27 @@ class Measure:
         return min(self.times[spec].values()), max(self.times[spec].values())
 
     def speedup(self, spec: str, over: str) -> Interval | None:
-        """The other's time over this one's, repetition by repetition; None if they have none in common."""
-        mine, theirs = self.times.get(spec, {}), self.times.get(over, {})
-        found = [theirs[repeat] / mine[repeat] for repeat in mine if repeat in theirs]
-        return median_interval(found) if found else None
+        """The other's time over this one's; None if they have no repetition in common."""
+        repeats = self._common(spec, over)
+        mine, theirs = ([self.times[name][repeat] for repeat in repeats] for name in (spec, over))
+        if not repeats:
+            return None
+        if self.of_medians:
+            return _ratio_of_medians(theirs, mine)
+        return median_interval([other / own for own, other in zip(mine, theirs, strict=True)])
+
+    def leads(self, spec: str, over: str) -> bool:
+        """Whether it is quicker than the other by more than the noise of their repetitions."""
+        found = self.speedup(spec, over)
+        return found is not None and len(self._common(spec, over)) > 1 and found.low > 1
 
     def ranking(self) -> list[str]:
-        """Our trees, the quickest first; not brute force."""
-        ours = [spec for spec in self.times if parse_spec(spec).is_tree and parse_spec(spec).name != "brute"]
-        return sorted(ours, key=self.median)
+        """Our trees that promise their answers, the quickest first; not brute force."""
+        return sorted(filter(_competes, self.times), key=self.median)
+
+    def _common(self, spec: str, other: str) -> list[int]:
+        theirs = self.times.get(other, {})
+        return [repeat for repeat in self.times.get(spec, {}) if repeat in theirs]
 
 
 def measures(outcome: Outcome) -> Iterator[Measure]:
@@ -62,7 +83,22 @@ def measures(outcome: Outcome) -> Iterator[Measure]:
         for scene in outcome.scenes:
             times = select(of(rows, scene=scene.name))
             if times:
-                yield Measure(scene.name, what, outcome.folder.path.name, unit, times)
+                yield Measure(
+                    scene.name, what, outcome.folder.path.name, unit, times, of_medians=outcome.command == "compare"
+                )
+
+
+def _competes(text: str) -> bool:
+    spec = parse_spec(text)
+    return spec.is_tree and spec.name != "brute" and Subject(spec, share=1).promises
+
+
+def _ratio_of_medians(above: Sequence[float], below: Sequence[float]) -> Interval:
+    """With its percentile-bootstrap interval: repetitions are drawn, each with both of its times."""
+    drawn = np.random.default_rng(0).integers(len(above), size=(_RESAMPLES, len(above)))
+    over, under = (np.median(np.asarray(times)[drawn], axis=1) for times in (above, below))
+    low, high = np.quantile(over / under, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Interval(median(above) / median(below), float(low), float(high))
 
 
 def _times(read: Callable[[Record], float | None]) -> _Select:

@@ -15,8 +15,9 @@ from .measures import Measure
 class Win:
     """The best of our trees in one scene, by one measure.
 
-    `others` are its speeds over the foreign accelerators, `second` the next of our trees and the winner's speed over
-    it. `build_s` is what the winner takes to build, `builds` that over what native takes.
+    `others` are its speeds over the foreign accelerators, `second` the next of our trees and `lead` the winner's speed
+    over it; `rivals` are all that it does not clearly lead. `build_s` is what the winner takes to build, `builds` that
+    over what native takes.
     """
 
     scene: str
@@ -27,13 +28,14 @@ class Win:
     others: Mapping[str, Interval | None]
     second: str
     lead: Interval | None
+    rivals: Sequence[str]
     build_s: float | None
     builds: float | None
 
     @property
     def is_clear(self) -> bool:
         """Whether the lead over the second is more than the noise of the runs."""
-        return self.lead is not None and self.lead.low > 1
+        return self.lead is not None and self.second not in self.rivals
 
 
 def wins(measures: Sequence[Measure]) -> Iterator[Win]:
@@ -54,6 +56,7 @@ def wins(measures: Sequence[Measure]) -> Iterator[Win]:
             others={name: measure.speedup(best, name) for name in BASELINES},
             second=second,
             lead=measure.speedup(best, second) if second else None,
+            rivals=[other for other in ranking[1:] if not measure.leads(best, other)],
             build_s=building.median(best) if building else None,
             builds=building.median(best) / building.median("native")
             if building and "native" in building.times
@@ -73,11 +76,20 @@ def sentences(found: Sequence[Win]) -> list[str]:
                 parts.append(f"{geometric_mean(speeds):.2f} times as fast as {name}")
         by_tree: dict[str, list[str]] = {}
         for win in own:
-            by_tree.setdefault(win.spec, []).append(win.scene)
-        places = "; ".join(f"{tree} in {', '.join(scenes)}" for tree, scenes in by_tree.items())
-        speed = f"The best of our trees is {' and '.join(parts)} (geometric mean): " if parts else "The best trees are "
-        texts.append(f"{_NAMES.get(what, what)} ({run}). {speed}{places}.")
+            if not win.rivals:
+                by_tree.setdefault(win.spec, []).append(win.scene)
+        places = [f"{tree} in {', '.join(scenes)}" for tree, scenes in by_tree.items()]
+        if tied := [f"{win.scene} ({_tied(win)})" for win in own if win.rivals]:
+            places.append(f"no clear winner in {', '.join(tied)}")
+        speed = f" is {' and '.join(parts)} (geometric mean)" if parts else ""
+        texts.append(f"{_NAMES.get(what, what)} ({run}). The best of our trees{speed}: {'; '.join(places)}.")
     return texts
+
+
+def _tied(win: Win) -> str:
+    """The quickest, and those that are as quick for all that is known."""
+    more = f" and {len(win.rivals) - 1} more" if len(win.rivals) > 1 else ""
+    return f"{win.spec}, {win.rivals[0]}{more}"
 
 
 _NAMES = {"rendering": "Rendering", "frame": "Whole frames", "a ray": "Rays alone"}
