@@ -430,10 +430,64 @@ class TestInTheBrowser:
         browser.execute_script("dispatchEvent(new Event('afterprint'))")
         assert browser.get_log("browser") == []
 
-    def test_a_phone_need_not_scroll_sideways(self, browser: Chrome) -> None:
+    @pytest.mark.parametrize(
+        "rising",
+        [
+            ["900", "1.2k", "15.4k", "1.72M"],
+            ["40 ns", "5 us", "300 ms", "2 s"],
+            ["512 B", "30 kB", "2.0 MB", "1 GB"],
+            ["-9.5 % [-29.6, +6.2]", "+0.2 %", "35.1%", "100.0%"],
+            ["< 1e-9", "1.3e-08", "1,234 scenes", "-"],
+            ["fast", "none", "plain", "safe"],
+        ],
+    )
+    def test_columns_sort_by_what_their_cells_mean(self, browser: Chrome, rising: list[str]) -> None:
+        fill = (
+            "const table = document.querySelectorAll('.part table')[0], rows = [...table.tBodies[0].rows];"
+            "rows.forEach((row, i) => { row.cells[1].textContent = arguments[0][i]; });"
+            "const head = table.tHead.rows[0].cells[1]; head.setAttribute('aria-sort', 'none');"
+            "head.querySelector('button').click(); return [...table.tBodies[0].rows].map(r => r.cells[1].textContent)"
+        )
+        assert browser.execute_script(fill, [rising[i] for i in (2, 0, 3, 1)]) == rising
+
+    @pytest.fixture
+    def phone(self, browser: Chrome) -> Iterator[Chrome]:
+        """A narrow screen, and a long spec everywhere."""
+        fill = (
+            "document.querySelectorAll('figcaption, caption, tbody th, .finding, option').forEach("
+            "e => { e.dataset.was = e.textContent; e.textContent = arguments[0]; })"
+        )
         size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+        browser.execute_script(fill, LONG)
         browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-        try:
-            assert until(lambda: browser.execute_script("return document.documentElement.scrollWidth") <= 390)
-        finally:
-            browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        yield browser
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        browser.execute_script(
+            "document.querySelectorAll('[data-was]').forEach(e => { e.textContent = e.dataset.was; })"
+        )
+
+    def test_a_phone_need_not_scroll_sideways(self, phone: Chrome) -> None:
+        assert until(lambda: phone.execute_script("return document.documentElement.scrollWidth") <= 390)
+
+    def test_the_first_column_leaves_room_on_a_phone(self, phone: Chrome) -> None:
+        wide = "return Math.max(...[...document.querySelectorAll('tbody th')].map(e => e.offsetWidth))"
+        assert until(lambda: phone.execute_script(wide) <= 0.45 * 390)
+
+    def test_figures_keep_their_size_on_a_phone_and_scroll(self, phone: Chrome) -> None:
+        phone.execute_script("document.querySelector('figure.scroll').scrollIntoView()")
+        one = "const f = document.querySelector('figure.scroll'), i = f.querySelector('img');"
+        assert until(lambda: phone.execute_script(f"{one} return i.complete && i.width === i.naturalWidth"))
+        assert phone.execute_script(f"{one} return f.tabIndex === 0 && f.scrollWidth > f.clientWidth")
+
+    def test_charts_keep_their_height_on_a_phone(self, phone: Chrome) -> None:
+        phone.execute_script("document.querySelector('.chart').scrollIntoView()")
+        low = (
+            "return [...document.querySelectorAll('.chart.drawn')].filter(e => e.querySelector('.main-svg')"
+            ".getBoundingClientRect().height > e.offsetHeight + 1).length"
+        )
+        assert until(lambda: phone.execute_script("return document.querySelectorAll('.chart .main-svg').length"))
+        assert phone.execute_script(low) == 0
+
+    def test_long_names_fit_a_desk(self, browser: Chrome) -> None:
+        browser.execute_script("document.querySelector('figcaption').textContent = arguments[0]", 4 * LONG)
+        assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")

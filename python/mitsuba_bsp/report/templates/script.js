@@ -27,11 +27,16 @@ addEventListener("beforeprint", () => {
 });
 addEventListener("afterprint", () => all(".chart").forEach(chart => Plotly.relayout(chart, { autosize: true, width: null })));
 
-// Columns sort by their numbers, or else by their words; a second press turns the order around.
+// Columns sort by their numbers in their units, or else by their words; a second press turns the order around.
+const UNITS = { __proto__: null, "%": .01, k: 1e3, M: 1e6, G: 1e9, ns: 1e-9, us: 1e-6, "µs": 1e-6, ms: 1e-3, s: 1, min: 60, h: 3600, B: 1, kB: 1e3, MB: 1e6, GB: 1e9, KiB: 2 ** 10, MiB: 2 ** 20, GiB: 2 ** 30 };
+function number(text) {
+  const [, digits, unit] = /^[<>≤≥~±]?\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(%|\p{L}*)/u.exec(text.replaceAll(",", "")) ?? [];
+  return parseFloat(digits) * (UNITS[unit] ?? 1);
+}
 all("table.sortable thead button").forEach(button => button.addEventListener("click", () => {
   const head = button.parentElement, place = head.cellIndex, table = button.closest("table"), body = table.tBodies[0];
   const rising = head.getAttribute("aria-sort") !== "ascending";
-  const key = row => row.cells[place].textContent.trim(), number = text => parseFloat(text.replaceAll(",", ""));
+  const key = row => row.cells[place].textContent.trim();
   const compare = (a, b) => {
     const [x, y] = [number(key(a)), number(key(b))];
     if (Number.isNaN(x) !== Number.isNaN(y)) return Number.isNaN(x) ? 1 : -1;  // what is missing comes last
