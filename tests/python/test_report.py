@@ -21,10 +21,12 @@ from mitsuba_bsp.exr import read_exr, write_exr
 from mitsuba_bsp.intervals import Interval
 from mitsuba_bsp.outcomes import Outcome, outcomes
 from mitsuba_bsp.records import ResultsFolder
+from mitsuba_bsp.report.descriptions import described
 from mitsuba_bsp.report.measures import Measure, measures
 from mitsuba_bsp.report.page import make_page
 from mitsuba_bsp.report.pictures import renderings
 from mitsuba_bsp.report.summary import sentences, wins
+from mitsuba_bsp.studies.work import QUANTITIES
 from mitsuba_bsp.tables_cli import results_folders
 
 if TYPE_CHECKING:
@@ -149,7 +151,17 @@ class TestPage:
     def test_every_picture_is_described(self, results: Path) -> None:
         page = (results / "report.html").read_text()
         assert all(re.search(r'alt="[^"]{10,}"', tag) for tag in re.findall(r"<img[^>]*>", page))
+        figures = re.findall(r'<figure class="scroll"[^>]*><img src="[^"]*" alt="([^"]*)"', page)
+        assert len(set(figures)) == 4
+        assert all("every pixel of room" in alt and "column an accelerator" in alt for alt in figures)
         assert all("aria-label=" in tag for tag in re.findall(r'<div class="chart"[^>]*>', page))
+
+    def test_figures_are_beside_their_tables(self, results: Path) -> None:
+        page = (results / "report.html").read_text()
+        assert "All scenes together" not in page
+        assert (
+            page.count('<figure class="scroll"') == page.partition("Cost images (heat)")[2].count("<figure class") == 4
+        )
 
     def test_equal_images_are_stored_once(self, results: Path) -> None:
         page = (results / "report.html").read_text()
@@ -258,6 +270,27 @@ class TestMeasures:
     @pytest.mark.parametrize(("seconds", "text"), [(0.01234, "0.0123 s"), (99.4, "99.4 s"), (1234.5, "1,234 s")])
     def test_a_time_in_words(self, seconds: float, text: str) -> None:
         assert Measure("room", "frame", "run", "s", {"kd": {0: seconds}}).time("kd") == text
+
+
+class TestDescriptions:
+    def test_every_figure_has_one(self) -> None:
+        package = files("mitsuba_bsp")
+        sources = [file.read_text() for file in Path(str(package)).rglob("*.py") if "report" not in file.parts]
+        names = {name for source in sources for name in re.findall(r'^ +yield f?"([a-z][^"]*)", \w', source, re.M)}
+        assert {"claims", "slice-planes-{scene}", "heatmap-{scene}-{quantity}", "growth", "trade-front"} <= names
+        for name in names:
+            for quantity in QUANTITIES if "{quantity}" in name else ("",):
+                drawn = name.format(scene="room", quantity=quantity)
+                scene, text = described(drawn, "A study", ["room"])
+                assert scene == ("room" if "{scene}" in name else "")
+                assert len(text) > 40 and text.endswith(".") and "A study" not in text and "{" not in text, drawn
+
+    def test_names_of_scenes_are_not_words_of_figures(self) -> None:
+        scenes = ["planes", "feet", "depth"]
+        assert described("slice-planes-feet", "", scenes)[0] == "feet"
+        assert described("slice-planes", "", scenes)[0] == "planes"
+        assert described("comparison-depth", "", scenes)[0] == ""
+        assert described("of-another", "Whole frames", scenes) == ("", "Whole frames: of-another.")
 
 
 def luminance(colour: str) -> float:

@@ -18,6 +18,7 @@ from ..speeds import BASELINES
 from ..text_table import TextTable
 from .anatomy import anatomy_table, trees_of
 from .charts import Chart, colour_of, levels_chart, times_chart, trade_chart
+from .descriptions import described
 from .measures import Measure, measures
 from .pictures import Renderings, figure_picture, renderings
 from .summary import Win, sentences, wins
@@ -201,11 +202,14 @@ def _parts(outcome: Outcome, run: str) -> dict[str, list[Part]]:
     names = sorted((scene.name for scene in outcome.scenes), key=len, reverse=True)
     title = f"{outcome.title} ({run})"
     parts = {name: Part(title, outcome.legend, _made(outcome, name)) for name in ("", *names)}
-    for table in outcome.tables():
-        parts[_subject(table.title, names)].tables.append(table)
+    tables = [(_subject(table.title, names), table) for table in outcome.tables()]
+    for scene, table in tables:
+        parts[scene].tables.append(table)
+    subjects = {scene for scene, _ in tables}
+    home = subjects.pop() if len(subjects) == 1 else ""  # figures that name no scene are beside their tables
     for name, figure in outcome.figures():
-        alt = f"Figure “{name}” of {outcome.title}; its numbers are in the tables beside it."
-        parts[_subject(name, names)].figures.append(Figure(figure_picture(figure), alt))
+        scene, shown = described(name, outcome.title, names)
+        parts[scene or home].figures.append(Figure(figure_picture(figure), shown))
     return {name: [part] for name, part in parts.items() if not part.is_empty}
 
 
@@ -224,12 +228,5 @@ def _made(outcome: Outcome, name: str) -> str:
 
 
 def _subject(text: str, names: Sequence[str]) -> str:
-    """The scene that a title or a file's name begins or ends with; empty if none."""
-    return next(
-        (
-            n
-            for n in names
-            if text == n or text.startswith((f"{n},", f"{n}:", f"{n} ", f"{n}-")) or text.endswith(f"-{n}")
-        ),
-        "",
-    )
+    """The scene that a table's title begins with; empty if none."""
+    return next((n for n in names if text == n or text.startswith((f"{n},", f"{n}:", f"{n} "))), "")
