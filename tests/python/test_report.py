@@ -183,6 +183,22 @@ class TestPage:
         assert "another processor" not in first and second.count("cpu another processor") > 1
         assert all(part.count(". The best of our trees") == 1 for part in (first, second))
 
+    @pytest.mark.parametrize(
+        ("cpu", "count"), [("AMD EPYC (family 25, model 1), 2 logical cores", 1), ("AMD EPYC, 2 logical cores", 2)]
+    )
+    def test_processors_without_a_family_are_those_of_their_folder(
+        self, results: Path, tmp_path: Path, cpu: str, count: int
+    ) -> None:
+        for name in ("one", "two"):
+            shutil.copytree(results / "rays", tmp_path / name)
+            file = tmp_path / name / "records.jsonl"
+            rows = [{**json.loads(line), "cpu": cpu} for line in file.read_text().splitlines()]
+            file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+        page = make_page(results_folders(tmp_path), "Two")
+        assert page.count("<h2>Summary") == count
+        heads = [f"<h2>Summary, machine {number} of 2 ({name})</h2>" for number, name in ((1, "one"), (2, "two"))]
+        assert all((head in page) == (count == 2) for head in heads)
+
     def test_scenes_of_one_name_are_told_apart(self, results: Path, tmp_path: Path) -> None:
         for name, digest in (("one", "1" * 64), ("two", "2" * 64)):
             shutil.copytree(results / "compare", tmp_path / name, ignore=shutil.ignore_patterns("images"))

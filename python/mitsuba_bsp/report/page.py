@@ -85,9 +85,13 @@ class Scene:
 
 @dataclass(frozen=True)
 class Machine:
-    """All that was measured on one machine with one version of the software."""
+    """All that was measured on one machine with one version of the software.
+
+    `only` is its one results folder, if nothing says whether others of the same name are the same; else empty.
+    """
 
     about: Mapping[str, str]
+    only: str
     sentences: Sequence[str]
     wins: Sequence[Win]
     scenes: Sequence[Scene]
@@ -99,13 +103,14 @@ def make_page(folders: Sequence[ResultsFolder], title: str) -> str:
     from jinja2 import Environment, PackageLoader
     from plotly.offline import get_plotlyjs
 
-    by_machine: dict[str, list[Outcome]] = {}
+    by_machine: dict[tuple[str, str], list[Outcome]] = {}
+    runs = _run_names(folders)
     for folder in folders:
         with _reading(folder):
             for outcome in outcomes(folder):
-                by_machine.setdefault(json.dumps(outcome.machine), []).append(outcome)
-    runs = _run_names(folders)
-    machines = [_machine(found, runs) for found in by_machine.values()]
+                only = "" if _is_certain(outcome.machine) else runs[folder.path]
+                by_machine.setdefault((json.dumps(outcome.machine), only), []).append(outcome)
+    machines = [_machine(found, only, runs) for (_, only), found in by_machine.items()]
     images = {
         name: data
         for machine in machines
@@ -162,7 +167,12 @@ def _run_names(folders: Sequence[ResultsFolder]) -> dict[Path, str]:
     return {folder.path: str(folder.path.absolute().relative_to(root)) for folder in folders}
 
 
-def _machine(found: Sequence[Outcome], runs: Mapping[Path, str]) -> Machine:
+def _is_certain(machine: Mapping[str, str]) -> bool:
+    """Whether its processor's name is that of one processor: names without a family may be of several."""
+    return "(family " in machine["cpu"]
+
+
+def _machine(found: Sequence[Outcome], only: str, runs: Mapping[Path, str]) -> Machine:
     called = _names(found)
     scenes: dict[str, Scene] = {}
     timed: list[Measure] = []
@@ -183,7 +193,7 @@ def _machine(found: Sequence[Outcome], runs: Mapping[Path, str]) -> Machine:
             together += parts.get("", [])
     winners = list(wins(timed))
     shown = [scenes[name] for name in sorted(scenes) if not scenes[name].is_empty]
-    return Machine(found[0].machine, sentences(winners), winners, shown, together)
+    return Machine(found[0].machine, only, sentences(winners), winners, shown, together)
 
 
 def _names(found: Sequence[Outcome]) -> dict[tuple[str, str], str]:
