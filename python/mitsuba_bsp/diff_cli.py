@@ -52,6 +52,8 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 def _diff(args: argparse.Namespace) -> int:
     if args.output and args.output.suffix != ".png":
         raise ValueError(f"{args.output} does not end in .png")
+    if args.output:
+        args.output.parent.mkdir(parents=True, exist_ok=True)
     if args.spp and len(args.spp) > 2:
         raise ValueError(f"--spp is given {len(args.spp)} times, but there are only two images")
     one, other = _renderings(args)

@@ -57,12 +57,28 @@ def write_channels(path: Path, planes: Mapping[str, np.ndarray], header: Mapping
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:
-    """Every channel of a file by name, each (height, width) float32."""
+    """Every channel of a file by name, each (height, width) float32, or float64 of integers, which are kept so.
+
+    ValueError if the file has several parts.
+    """
     with OpenEXR.File(str(path), separate_channels=True) as file:
-        return {name: np.array(channel.pixels, np.float32) for name, channel in file.channels().items()}
+        if len(file.parts) != 1:
+            raise ValueError(f"it has {len(file.parts)} parts, and only a file of one part is one image")
+        return {name: _plane(channel.pixels) for name, channel in file.channels().items()}
+
+
+def _plane(pixels: np.ndarray) -> np.ndarray:
+    return np.array(pixels, np.float64 if pixels.dtype == np.uint32 else np.float32)
 
 
 def read_header(path: Path) -> dict[str, str]:
     """The string attributes of a file."""
     with OpenEXR.File(str(path)) as file:
         return {key: value for key, value in file.header().items() if isinstance(value, str)}
+
+
+def read_corner(path: Path) -> str:
+    """Where the upper left pixel of a file lies, as text."""
+    with OpenEXR.File(str(path)) as file:
+        x, y = file.header()["dataWindow"][0]
+    return f"({x}, {y})"

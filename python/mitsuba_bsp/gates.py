@@ -207,7 +207,8 @@ def _differing(image: Image, reference: Image) -> np.ndarray:
 
 
 def _bits(plane: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(plane, np.float32).view(np.uint32)
+    plane = np.ascontiguousarray(plane)
+    return plane.view(np.uint64 if plane.itemsize == 8 else np.uint32)
 
 
 def _gap(image: Image, reference: Image) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Judge two image files: may they be compared, by which gates, and do they pass?
 
 The rule: pixels with the same bits are the same image. Otherwise
-- same seed and samples, both of them our trees with one triangle test, box filter, same Mitsuba: nothing but the same
-  bits will do;
+- same seed and samples, both of them our trees in a mode that promises answers, one triangle test, box filter, same
+  Mitsuba: nothing but the same bits will do;
 - same seed and samples, else: `paired`, and `z` too if the noise is known;
 - other or unknown seeds: `z`, if the noise is known. If it is not, images known to have different seeds cannot be
   judged, and of all others the same bits are demanded.
@@ -16,17 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from .exr import read_exr, read_header
+from .exr import read_corner, read_exr, read_header
 from .gates import Gate, Image, NoisyPair, finite, finite_pixels, identical, paired, z_test
 from .messages import choices, one_sentence
-from .noise import Variance, colours_in, own_variance, pooled, rendered_channels, variance_for, variance_image
+from .noise import Variance, colours_in, flaw, own_variance, pooled, rendered_channels, variance_for, variance_image
 from .spec import parse_spec
 
 #: What may be asked of two images; `auto` is the rule above.
 GATES = ("auto", "identical", "paired", "z")
 
 #: Header entries that two images must share, if both have them.
-_SHARED = ("scene", "scene_hash", "variant")
+_SHARED = ("scene", "scene_hash", "variant", "corner")
 
 Header = Mapping[str, str]
 
@@ -174,7 +174,7 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], Header]:
     if not path.is_file():
         raise NotComparableError(f"there is no file {path}")
     try:
-        return read_exr(path), read_header(path)
+        return read_exr(path), {**read_header(path), "corner": read_corner(path)}
     except Exception as error:  # noqa: BLE001  (OpenEXR raises several kinds)
         raise NotComparableError(f"{path} is no readable OpenEXR file: {one_sentence(error)}") from None
 
@@ -189,6 +189,9 @@ def check_comparable(one: Rendering, other: Rendering) -> None:
     sizes = [f"{plane.shape[1]}x{plane.shape[0]}" for r in (one, other) for plane in list(r.image.values())[:1]]
     if sizes[0] != sizes[1]:
         raise NotComparableError(f"{one.name} has {sizes[0]} pixels, but {other.name} has {sizes[1]}")
+    for name in one.image:
+        if one.image[name].dtype != other.image[name].dtype:
+            raise NotComparableError(f"the channel {name} has integers in one of {one.name} and {other.name} only")
     for key in _SHARED:
         values = one.header.get(key), other.header.get(key)
         if None not in values and values[0] != values[1]:
@@ -204,12 +207,12 @@ def _same_paths(one: Rendering, other: Rendering) -> bool:
 
 
 def _triangle_test(header: Header) -> str | None:
-    """The triangle test of the tree that made an image; None if it was none of ours, or an unknown one."""
+    """The triangle test of the tree that made an image; None if it is not known, or promised nothing."""
     try:
         spec = parse_spec(header.get("spec_full", ""))
     except ValueError:
         return None
-    return str(spec.settings["triangle_test"]) if spec.is_tree else None
+    return str(spec.settings["triangle_test"]) if spec.is_exact else None
 
 
 def _noise(one: Rendering, other: Rendering, given: Variance | None) -> tuple[NoisyPair | None, str]:
@@ -220,7 +223,11 @@ def _noise(one: Rendering, other: Rendering, given: Variance | None) -> tuple[No
     if None in (one.samples, other.samples):
         unknown = choices(rendering.name for rendering in (one, other) if rendering.samples is None)
         return None, f"give the samples per pixel of both images with --spp N --spp N, unknown is that of {unknown}"
-    return noisy_pair(one, other, found), ""
+    pair = noisy_pair(one, other, found)
+    wrong = flaw(found, finite_pixels(one.image) & finite_pixels(other.image))
+    if wrong and given:
+        raise NotComparableError(f"the variance tells no noise: {wrong}")
+    return (None, f"give another variance than that of the images ({wrong})") if wrong else (pair, "")
 
 
 def _own(one: Rendering, other: Rendering) -> Variance | None:

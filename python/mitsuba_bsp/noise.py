@@ -22,6 +22,9 @@ _RGB_TO_XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.0
 
 _SPACES = (("X", "Y", "Z"), ("R", "G", "B"), ("Y",))
 _SECOND = re.compile(r"m2_(.+)\.[XYZ]")
+#: From fewer samples a variance is not known: most pixels miss what is rare and bright, and seem to have little noise.
+LEAST_SAMPLES = 16
+
 #: Channels that stored references have besides their colours.
 MEAN, VARIANCE = "mean", "variance"
 
@@ -45,20 +48,30 @@ class Variance:
 
 def rendered_channels(image: Image) -> dict[str, np.ndarray]:
     """The channels of `image` that are no statistics of its noise."""
-    groups = {MEAN, VARIANCE, *(name for channel in image if (name := _second_of(channel)))}
+    groups = {MEAN, VARIANCE, *_measured(image)}
     return {c: plane for c, plane in image.items() if not _second_of(c) and c.rpartition(".")[0] not in groups}
+
+
+def flaw(variance: Variance, finite: np.ndarray) -> str:
+    """Why it tells no noise, "" if it does; `finite` (height, width): where both images are."""
+    if variance.samples is not None and variance.samples < LEAST_SAMPLES:
+        return f"it comes from {variance.samples} samples of each pixel, and {LEAST_SAMPLES} are the least"
+    lost = finite & ~np.isfinite(variance.values).all(axis=2)
+    if not lost.any():
+        return ""
+    y, x = (int(i) for i in np.argwhere(lost)[0])
+    return f"it is NaN or infinite in {int(lost.sum())} pixels where both images are finite, one is ({x}, {y})"
 
 
 def own_variance(image: Image, samples: int | None) -> Variance | None:
     """What an image says about its noise; None if it says nothing.
 
-    ValueError if several integrators are nested in its `moment`.
+    ValueError if several integrators are nested in its `moment`. What one of them adds besides colours does not count.
     """
     stored = _group(image, f"{VARIANCE}.")
     if stored is not None:
         return Variance(*stored, samples)
-    names = sorted({name for channel in image if (name := _second_of(channel))})
-    names = [name for name in names if all(f"{p}{name}.{c}" in image for p in ("", "m2_") for c in "XYZ")]
+    names = [name for name in _measured(image) if all(f"{p}{name}.{c}" in image for p in ("", "m2_") for c in "XYZ")]
     if len(names) > 1:
         raise ValueError(f"it has the moments of several integrators ({choices(names)}), of which only one can be used")
     if not names:
@@ -83,7 +96,7 @@ def variance_image(image: Image, samples: int | None) -> Variance:
                 "the integrator moment (and likewise Y, Z), or else X Y Z, R G B or Y alone"
             )
         found = Variance(*plain, samples)
-    if np.nanmin(found.values) < 0:
+    if (found.values < 0).any():
         raise ValueError("it has negative values, so it is no variance")
     return found
 
@@ -117,6 +130,12 @@ def variance_for(image: Image, variance: Variance) -> np.ndarray:
     if variance.space == ("X", "Y", "Z") and "Y" in image and "X" not in image:
         return variance.values[..., 1:2]
     return variance.values
+
+
+def _measured(image: Image) -> list[str]:
+    """The integrators of which there are moments; not what they add besides colours, as NAME.normals.X."""
+    names = sorted({name for channel in image if (name := _second_of(channel))})
+    return [name for name in names if not any(name.startswith(f"{other}.") for other in names)]
 
 
 def _second_of(channel: str) -> str | None:

@@ -63,6 +63,12 @@ class Spec:
         return self.name not in _FOREIGN
 
     @property
+    def is_exact(self) -> bool:
+        """Whether it promises the answers of brute force with its triangle test; the other modes are measured."""
+        safe = self.settings.get("precision") not in ("fast", "epsilon")
+        return self.is_tree and safe and self.settings.get("early_exit") != "plane"
+
+    @property
     def plugin(self) -> str | None:
         """The shape plugin that groups the triangles; None if Embree takes them as they are."""
         return {"embree": None, "native": "nativekdtree"}.get(self.name, "bsptree")

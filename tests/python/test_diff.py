@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+import OpenEXR
 import pytest
 from conftest import ROOM, error_line
 
@@ -220,6 +221,45 @@ class TestNotComparable:
         status, output, errors = run(*files, *arguments, *gate)
         assert (status, output) == (2, "")
         assert sentence in errors
+
+    def test_a_variance_that_is_not_finite(self, run: Run) -> None:
+        files = write("a.exr", cracked(image(1), 50.0)), write("b.exr", image(2))
+        for value in (np.nan, np.inf):
+            _, output, errors = run(*files, "--variance", write_variance(value=value), "--spp", SPP)
+            assert output == "" and "it is NaN or infinite in 1280 pixels where both images are finite" in errors
+
+    @pytest.mark.parametrize("samples", [1, 15, 16])
+    def test_noise_of_few_samples(self, run: Run, samples: int) -> None:
+        variance = {f"variance.{name}": np.full((32, 40), 0.25, np.float32) for name in "RGB"}
+        made_of = {"variance_samples": str(samples)}
+        files = write("a.exr", {**image(1), **variance}, made(1, **made_of)), write("b.exr", image(2), made(2))
+        status, _, errors = run(*files)
+        assert status == (0 if samples == 16 else 2)
+        assert samples == 16 or f"it comes from {samples} samples of each pixel, and 16 are the least" in errors
+
+    def test_several_parts(self, run: Run) -> None:
+        plane = image()["R"]
+        parts = [OpenEXR.Part({"type": OpenEXR.scanlineimage}, {"R": plane + i}, f"part {i}") for i in range(2)]
+        with OpenEXR.File(parts) as file:
+            file.write("a.exr")
+        status, _, errors = run("a.exr", "a.exr")
+        assert status == 2 and "it has 2 parts, and only a file of one part is one image" in errors
+
+    def test_another_place_in_the_image(self, run: Run) -> None:
+        window = np.array([4, 6], np.int32), np.array([4 + 39, 6 + 31], np.int32)
+        with OpenEXR.File({"type": OpenEXR.scanlineimage, "dataWindow": window}, image()) as file:
+            file.write("b.exr")
+        status, _, errors = run(write("a.exr", image()), "b.exr")
+        assert status == 2 and "a.exr has corner (0, 0), but b.exr has (4, 6)" in errors
+
+
+def test_integers_are_compared_as_integers(run: Run) -> None:
+    for name, value in (("a.exr", 2**25), ("b.exr", 2**25 + 1)):
+        with OpenEXR.File({"type": OpenEXR.scanlineimage}, {"id": np.full((8, 8), value, np.uint32)}) as file:
+            file.write(name)
+    assert run("a.exr", "a.exr")[0] == 0
+    status, output, _ = run("a.exr", "b.exr")
+    assert status == 1 and "id 33554432 and 33554433" in output
 
 
 class TestPicture:

@@ -29,9 +29,8 @@ class Subject:
 
     @property
     def promises(self) -> bool:
-        """Whether differences break a promise: fast modes make none about answers, they are measured."""
-        known = self.spec.settings
-        return known.get("precision") not in ("fast", "epsilon") and known.get("early_exit") != "plane"
+        """Whether differences break a promise."""
+        return self.spec.is_exact
 
     @property
     def triangle_test(self) -> str:

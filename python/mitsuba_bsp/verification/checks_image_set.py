@@ -9,6 +9,7 @@ import numpy as np
 
 from ..image_regression import Setup, render
 from ..judging import Rendering, judge
+from ..noise import LEAST_SAMPLES
 from .check import Outcome, Plan, Unit, check
 from .checks_images import RESOLUTION, SCENES, SEED, Description, view
 from .contest import main_subjects
@@ -16,7 +17,6 @@ from .meshes import Mesh, boxes, sphere
 from .wrapped import to_mitsuba
 
 SAMPLES = -(-2_000_000 // RESOLUTION**2)  #: of a pixel
-LEAST_SAMPLES = 16  #: however small the counts: from fewer the noise is not known
 REFERENCE = "embree:robust=true"
 
 #: Added to the seed for the image that is compared by its noise.
