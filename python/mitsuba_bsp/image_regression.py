@@ -34,13 +34,22 @@ FRESH_SEED = 1_000_003
 
 @dataclass(frozen=True)
 class Setup:
-    """How a scene is rendered; `spp` and `resolution` (longer side, pixels) of None are the scene's own."""
+    """How a scene is rendered; `spp` and `resolution` (longer side, pixels) of None are the scene's own.
+
+    ValueError if one of the numbers is none.
+    """
 
     spp: int | None = None
     resolution: int | None = None
     seed: int = 0
     params: Mapping[str, object] = field(default_factory=dict)
     variant: str = VARIANTS[0]
+
+    def __post_init__(self) -> None:
+        for name, least in (("spp", 1), ("resolution", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and value >= least or (value is None and name != "seed")):
+                raise ValueError(f"{name} is {value!r}, but it must be an integer of at least {least}")
 
 
 @dataclass(frozen=True)
@@ -64,12 +73,16 @@ def render(scene: Scene, spec: str, name: str, setup: Setup) -> Rendering:
     With the box filter and a fixed block size, so that an image has the same pixels on any number of threads.
     ValueError or RuntimeError, in one sentence, for what is wrong with the scene or the spec.
     """
+    if not isinstance(spec, str):
+        raise ValueError(f"the spec is {spec!r}, but it must be text")
     checked = parse_spec(spec)
     if setup.variant not in VARIANTS:
         raise ValueError(f'there is no variant "{setup.variant}" here (valid: {choices(VARIANTS)})')
     with active_variant(setup.variant):
         loaded = _open(scene, setup)
         made = loaded.construct(loaded.regrouped(checked))
+        if not made.sensors():
+            raise ValueError("the scene has no sensor, so there is nothing to render it with")
         sampler = made.sensors()[0].sampler()
         if setup.spp:
             sampler.set_sample_count(setup.spp)

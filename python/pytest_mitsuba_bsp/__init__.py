@@ -80,9 +80,9 @@ class ImageRegression:
         from mitsuba_bsp.image_regression import Setup, against_reference, render, sentence, write
 
         reference = self._reference(name)
-        setup = Setup(spp, resolution, seed, params or {}, variant)
         session = self._request.config.stash[_SESSION]
         try:
+            setup = Setup(spp, resolution, seed, params or {}, variant)
             if self._request.config.getoption("--update-references") and reference not in session.written:
                 first = replace(setup, spp=reference_spp or spp)
                 stored = render(scene, reference_spec or spec, reference.stem, first)
@@ -94,7 +94,11 @@ class ImageRegression:
                 raise ValueError(f"there is no reference {reference}: make it with pytest --update-references")
             found = against_reference(scene, spec, setup, reference, self._results, gate)
         except (ValueError, RuntimeError, OSError) as error:
-            pytest.fail(f"image regression: {sentence(error)}", pytrace=False)
+            mistake = sentence(error)
+        else:
+            mistake = ""
+        if mistake:  # said here, where the report does not tell it again as the error's context
+            pytest.fail(f"image regression: {mistake}", pytrace=False)
         if not found.judgement.same:
             session.pictures.append(found.picture)
             pytest.fail(f"{reference.stem} under {spec} is not what it was\n{found}", pytrace=False)

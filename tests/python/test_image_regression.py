@@ -13,7 +13,7 @@ import pytest
 from mitsuba_bsp import image_regression as regression
 from mitsuba_bsp.exr import read_exr, read_header, write_channels
 from mitsuba_bsp.gates import Gate
-from mitsuba_bsp.image_regression import Regression, Setup, against_reference
+from mitsuba_bsp.image_regression import Regression, Setup, against_reference, render
 from mitsuba_bsp.judging import Judgement
 
 TESTS = """
@@ -100,11 +100,20 @@ class TestInAnotherProject:
         assert (project / "others" / "room.exr").is_file()
 
 
+def test_an_integrator_that_adds_vectors_has_one_noise() -> None:
+    integrator = {"type": "aov", "aovs": "nn:sh_normal", "path": {"type": "path"}}
+    ball = {"type": "sphere", "center": [0, 0, 4]}
+    scene = {"type": "scene", "integrator": integrator, "camera": {"type": "perspective"}, "ball": ball}
+    found = render({**scene, "sky": {"type": "constant"}}, "kd", "ball", Setup(spp=16, resolution=8))
+    assert found.variance is not None and {"R", "inner.nn.X"} <= set(found.image)
+
+
 class TestMistakes:
     def line(self, project: Path, extra: str, *options: str) -> str:
         write_tests(project, extra=extra)
         result = run(project, *options)
         assert result.returncode == 1 and "Traceback" not in result.stdout
+        assert "During handling" not in result.stdout
         return next(line for line in result.stdout.splitlines() if line.startswith("image regression: "))
 
     def test_no_reference(self, project: Path) -> None:
@@ -115,6 +124,25 @@ class TestMistakes:
         assert 'there is no gate "strict"' in self.line(project, ", gate='strict'")
         assert 'there is no variant "llvm_ad_rgb" here' in self.line(project, ", variant='llvm_ad_rgb'")
         assert "16x16" in self.line(project, ", resolution=16")
+
+    @pytest.mark.parametrize(
+        ("changed", "sentence"),
+        [
+            ({"spp": -3}, "spp is -3, but it must be an integer of at least 1"),
+            ({"resolution": "large"}, "resolution is 'large', but it must be an integer of at least 1"),
+            ({"seed": None}, "seed is None, but it must be an integer of at least 0"),
+        ],
+    )
+    def test_wrong_numbers(self, changed: dict, sentence: str) -> None:
+        with pytest.raises(ValueError, match=re.escape(sentence)):
+            Setup(**changed)
+
+    def test_scenes_that_cannot_be_rendered(self) -> None:
+        mesh = {"type": "scene", "ball": {"type": "sphere"}}
+        with pytest.raises(ValueError, match="the scene has no sensor"):
+            render(mesh, "kd", "ball", Setup())
+        with pytest.raises(ValueError, match="the spec is None, but it must be text"):
+            render(mesh, None, "ball", Setup())
 
     def test_a_broken_reference(self, project: Path) -> None:
         reference(project).parent.mkdir()
