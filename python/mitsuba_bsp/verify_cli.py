@@ -16,7 +16,7 @@ from .terminal import INTERRUPTED, JOB_FAILED, OK, err, out, positive, say
 from .text_table import print_text_tables
 from .verification.check import Check, Plan, all_checks
 from .verification.replay import replay
-from .verification.report import cells, own_tables
+from .verification.report import cells, is_verification, own_tables
 from .verification.runner import Listener, Result, run
 from .verification.subjects import chosen_subjects, default_subjects, incumbents
 
@@ -55,6 +55,9 @@ def _verify(args: argparse.Namespace) -> int:
     checks = _chosen_checks(args.only, args.nightly)
     folder = args.out or default_folder("verify")
     ResultsFolder(folder).check_writable()
+    rows = ResultsFolder(folder).records()
+    if rows and not is_verification(rows):
+        raise ValueError(f"{folder} has the results of another command: give another folder with --out")
     plan = Plan(subjects, incumbents(), args.seed, args.scale, folder)
     with _Bar() as bar:
         try:

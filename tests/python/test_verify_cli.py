@@ -15,11 +15,14 @@ import pytest
 
 from mitsuba_bsp import cli, verify_cli
 from mitsuba_bsp.spec import parse_spec
-from mitsuba_bsp.verification import report
-from mitsuba_bsp.verification.cases import FOLDER, Case, case_from, read_case
-from mitsuba_bsp.verification.check import Check, Failure, Outcome, Plan, Subject, Unit, rate_bound
+from mitsuba_bsp.verification import checks_wrapper, report
+from mitsuba_bsp.verification import replay as verification_replay
+from mitsuba_bsp.verification.cases import FOLDER, Case, case_from, permanent_cases, read_case
+from mitsuba_bsp.verification.check import Check, Failure, Outcome, Plan, Subject, Unit, all_checks, rate_bound
 from mitsuba_bsp.verification.meshes import boxes
+from mitsuba_bsp.verification.rays import Rays
 from mitsuba_bsp.verification.replay import replay
+from mitsuba_bsp.verification.report import cells, own_tables
 from mitsuba_bsp.verification.runner import Listener, run
 from mitsuba_bsp.verification.subjects import default_subjects, trees
 
@@ -183,17 +186,49 @@ def test_exceptions_are_failures_and_are_tried_again(tmp_path: Path) -> None:
 
     check = checked(Unit("one", "kd", work), Unit("two", "", lambda: Outcome(tried=1)))
     (first,) = run([check], plan(tmp_path), Silent())
-    assert first.failures == ["one: MemoryError: out of memory"] and first.wrong == {"exception": 1}
+    again = "again: mitsuba-bsp verify --only T01 --specs kd --seed 1 --scale 0.5"
+    assert first.failures == [f"one: MemoryError: out of memory; {again}"] and first.wrong == {"exception": 1}
     listener = Silent()
     (second,) = run([check], plan(tmp_path), listener)
     assert second.passed and (listener.kept, listener.done) == (1, 1)
 
 
-def test_what_promises_nothing_is_not_judged() -> None:
+def test_what_promises_nothing_is_told_and_not_judged() -> None:
     outcome = Outcome(judged=False)
     outcome.add("edge", 10, 3)
-    (result,) = run([checked(Unit("one", "kd", lambda: outcome))], plan(None), Silent())
-    assert result.passed and result.wrong == {} and result.records[0]["wrong"] == {"edge": 3}
+    promising = checked(Unit("one", "kd:precision=fast", lambda: outcome), Unit("two", "kd", lambda: Outcome(tried=5)))
+    (result,) = run([checked(Unit("one", "kd:precision=fast", lambda: outcome))], plan(None), Silent())
+    assert result.passed and result.wrong == {"edge": 3} and cells(result)[-1] == "reported"
+    (mixed,) = run([promising], plan(None), Silent())
+    assert mixed.passed and mixed.wrong == {} and cells(mixed)[-1] == "passed"
+    (table,) = own_tables([mixed])
+    assert table.rows == (("precision=fast", "10", "3", "300,000", "kd, T01", "edge", "3 of 10"),)
+
+
+def test_a_ray_lost_in_a_mitsuba_scene_is_asked_there_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    lost = checks_wrapper.answers
+
+    def losing(scene: object, rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        t, triangle, any_hit = lost(scene, rays)
+        return np.where(np.arange(len(t)) == np.isfinite(t).argmax(), np.float32(np.inf), t), triangle, any_hit
+
+    monkeypatch.setattr(checks_wrapper, "answers", losing)
+    (unit, *_) = all_checks()["C16"].units(plan(tmp_path))
+    (result,) = run([checked(unit)], plan(tmp_path), Silent())
+    file = Path(result.failures[0].partition("--replay ")[2])
+    assert read_case(file).through == "fast" and replay(file, [], verify_cli.out) == 0
+    assert "normals in a Mitsuba scene: t=" in capsys.readouterr().out
+    monkeypatch.setattr(verification_replay, "answers", losing)
+    assert replay(file, [], verify_cli.out) == 1
+
+
+def test_permanent_cases_are_replayed_as_they_are_judged() -> None:
+    specs = [parse_spec(text) for text in ("kd", "kd:triangle_test=mt")]
+    assert [replay(file, specs, verify_cli.out) for file in sorted(FOLDER.glob("*.json"))] == [0] * len(
+        permanent_cases()
+    )
 
 
 def test_counts_and_random_numbers() -> None:
@@ -216,3 +251,12 @@ def test_every_tree_and_every_named_value_is_a_subject() -> None:
     assert [subject.spec.text for subject in subjects if subject.share == 1] == trees()
     assert {"normals:axes=none", "kd:layout=binary", "ize:triangle_test=mt", "rbsp:directions=spiral"} <= set(texts)
     assert all(subject.share == 1 for subject in default_subjects(everything_in_full=True))
+
+
+def test_the_results_of_another_command_are_left_alone(command: Command, tmp_path: Path) -> None:
+    records = tmp_path / "out" / "records.jsonl"
+    records.parent.mkdir()
+    records.write_text('{"scene": "room", "spec": "kd"}\n')
+    result = command("verify", *QUICK, "--out", "out")
+    assert result.returncode == 2 and "out has the results of another command" in result.stderr
+    assert records.read_text() == '{"scene": "room", "spec": "kd"}\n'

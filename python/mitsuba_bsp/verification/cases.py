@@ -32,6 +32,7 @@ class Case:
     hits: tuple[bool, ...] | None = None
     spec: str = ""  #: under which it failed
     seed: int | None = None
+    through: str = ""  #: in which kind of Mitsuba scene it failed, see `wrapped.SCENES`; "" for the tree alone
 
     @property
     def rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
@@ -47,6 +48,7 @@ class Case:
             "why": self.why,
             "spec": self.spec,
             "seed": self.seed,
+            "through": self.through,
             "mesh": self.mesh.name,
             "vertices": [_hex(row) for row in self.mesh.vertices],
             "faces": self.mesh.faces.tolist(),
@@ -77,6 +79,7 @@ def case_from(content: Mapping[str, Any]) -> Case:
         hits=None if hits is None else tuple(map(bool, hits)),
         spec=str(content.get("spec", "")),
         seed=content.get("seed"),
+        through=str(content.get("through", "")),
     )
 
 

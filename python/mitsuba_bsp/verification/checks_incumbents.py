@@ -44,7 +44,8 @@ def _fire(plan: Plan, spec: Spec) -> Outcome:
         def failure(mesh=mesh, o=o, d=d, lost=lost, name=name) -> Failure:
             one = slice(int(np.argmax(lost)), int(np.argmax(lost)) + 1)
             why = f"{spec.text} loses it in a Mitsuba scene, {name}"
-            case = Case(why, mesh, o[one], d[one], np.full(1, np.inf, np.float32), (True,), spec.text, plan.seed)
+            end = np.full(1, np.inf, np.float32)
+            case = Case(why, mesh, o[one], d[one], end, (True,), spec.text, plan.seed, through="alone")
             return Failure(f"{why}, seed {plan.seed}: {case.describe(0)}", case.to_json())
 
         outcome.add(name, len(o), int(lost.sum()), failure if spec.is_tree else None)

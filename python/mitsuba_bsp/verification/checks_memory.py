@@ -18,7 +18,7 @@ from .oracle import build
 SMALLEST, GROWTH, LARGEST = 128, 1.5, 1_000_000  #: as Embree's test MemoryConsumption
 
 #: Bytes per triangle that a finished tree may take; smaller meshes have a fixed part besides.
-BUDGETS = {"kd": 120, "rbsp": 160, "normals": 240}
+BUDGETS = {"kd": 120, "rbsp": 120, "normals": 120}
 FIXED_BYTES = 16_384
 
 #: What building takes at its worst on all threads, over what it takes on one; fixed parts are left out of it.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,30 +20,28 @@ MEASURED = ("time", "memory")
 @check("N11a", "no error of memory and nothing undefined, the compiler's sanitizers say")
 def addresses(plan: Plan) -> Iterator[Unit]:
     checks = [f"C{number:02}" for number in range(1, 16) if number != 2]  # whose trees are wrong on purpose
-    return _units(plan, ADDRESS, 0.1, checks, plan.subjects)
+    return _units(plan, ADDRESS, {**dict.fromkeys(checks, 0.1), "N08": 0.01}, plan.subjects)
 
 
 @check("N11t", "no data race, ThreadSanitizer says")
 def races(plan: Plan) -> Iterator[Unit]:
-    return _units(plan, THREAD, 0.1, ("C01", "C07", "C13", "C14", "C15", "N10"), main_subjects(plan))
+    return _units(plan, THREAD, dict.fromkeys(("C01", "C07", "C13", "C14", "C15", "N10"), 0.1), main_subjects(plan))
 
 
 @check("N11v", "no error of memory, valgrind says")
 def memory_errors(plan: Plan) -> Iterator[Unit]:
     checks = ("C01", "C05", "C07", "C14")  # not C15, whose allocations valgrind makes itself
-    return _units(plan, MEMCHECK, 0.01, checks, main_subjects(plan))
+    return _units(plan, MEMCHECK, dict.fromkeys(checks, 0.01), main_subjects(plan))
 
 
-def _units(
-    plan: Plan, tool: Tool, share: float, checks: Sequence[str], subjects: tuple[Subject, ...]
-) -> Iterator[Unit]:
-    """Other checks, with `share` of their counts."""
+def _units(plan: Plan, tool: Tool, shares: Mapping[str, float], subjects: tuple[Subject, ...]) -> Iterator[Unit]:
+    """Other checks, each with a share of its counts."""
     version = sources()
     yield Unit(f"planted mistakes, {version}", "", lambda: _unless_missing(tool) or _sees(tool))
-    scaled = replace(plan, subjects=subjects, scale=share * plan.scale)
-    for name in checks if subjects else ():
+    for name, share in shares.items() if subjects else ():
+        scaled = replace(plan, subjects=subjects, scale=share * plan.scale)
         unit = f"{name}, {names(subjects)}, {version}"
-        yield Unit(unit, "", lambda name=name: _unless_missing(tool) or _watch(scaled, tool, name))
+        yield Unit(unit, "", lambda p=scaled, name=name: _unless_missing(tool) or _watch(p, tool, name))
 
 
 def _unless_missing(tool: Tool) -> Outcome | None:

@@ -7,6 +7,7 @@ away than that, the offset is less than what rounding may move. Such hits are co
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..contenders import build as build_contender
 from ..scalar import mitsuba
 from ..spec import parse_spec
 from ..text_table import TextTable
+from .cases import Case
 from .check import Failure, Outcome, Plan, Record, Unit, check
 from .meshes import Mesh, of_corners
 from .rays import Generator
@@ -149,7 +151,13 @@ def _through_mitsuba(outcome: Outcome, plan: Plan, mesh: Mesh, points: np.ndarra
             if hit and _within_rounding(mesh, np.array(ray.o, float)):
                 outcome.figures[ROUNDED] += 1
                 hit = False
-            text = (
-                f"{kind}, seed {plan.seed}, {mesh.name}: from {[x.hex() for x in place]} along {[x.hex() for x in way]}"
-            )
-            outcome.add(kind, 1, int(hit), lambda text=text: Failure(f"{text} hits the triangle that it leaves"))
+            outcome.add(kind, 1, int(hit), lambda ray=ray, kind=kind: _failure(plan, mesh, kind, ray))
+
+
+def _failure(plan: Plan, mesh: Mesh, kind: str, ray: Any) -> Failure:
+    """A ray that hits the triangle that it leaves."""
+    o, d = (np.array([part], np.float32) for part in (ray.o, ray.d))
+    why = f"{kind}, seed {plan.seed}: it hits the triangle that it leaves"
+    case = Case(why, mesh, o, d, np.array([ray.maxt], np.float32), (False,), SPEC, plan.seed)
+    corners = " ".join("({})".format(", ".join(float(x).hex() for x in corner)) for corner in mesh.vertices)
+    return Failure(f"{why}: {case.describe(0)}, {corners}", case.to_json())

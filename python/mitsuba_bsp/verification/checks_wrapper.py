@@ -8,11 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..spec import Spec, parse_spec
-from .check import Outcome, Plan, Subject, Unit, check
-from .contest import report
+from .check import Failure, Outcome, Plan, Unit, check
 from .meshes import Mesh
 from .oracle import Questions, brute_force
-from .wrapped import KINDS, PLACES, answers, box_rays, make_mesh, scene_with
+from .wrapped import KINDS, PLACES, SCENES, answers, box_rays, make_mesh
 
 RAYS = 300_000  #: together
 
@@ -40,7 +39,8 @@ def _lost(plan: Plan, mesh: Mesh, spec: Spec, robust: bool, count: int) -> Outco
         ends = np.full(count, np.inf, np.float32)
         expected = brute_force(mesh).closest(o, d, ends)
     asked = Questions(mesh, "box", plan.seed, o, d, ends, expected)
-    t, triangle, any_hit = answers(scene_with(mesh, spec, robust, lamps=robust), (o, d))
+    through = "robust" if robust else "fast"
+    t, triangle, any_hit = answers(SCENES[through](mesh, spec), (o, d))
     hit = np.isfinite(expected["t"])
     half = len(mesh.faces) // 2
     number = np.where(hit, expected["triangle"].astype(int), -1)
@@ -48,5 +48,10 @@ def _lost(plan: Plan, mesh: Mesh, spec: Spec, robust: bool, count: int) -> Outco
     wrong |= any_hit != hit
     wrong |= triangle != np.where(number < half, number, number - half)
     outcome = Outcome(figures={"hits": int(hit.sum()), "lost": int((hit & ~np.isfinite(t)).sum())})
-    report(outcome, Subject(spec, 1), asked, wrong)
+    sentence = "answers otherwise in a Mitsuba scene than brute force"
+
+    def failure() -> Failure:
+        return asked.failure(int(np.argmax(wrong)), spec.text, sentence, through=through)
+
+    outcome.add("box", count, int(wrong.sum()), failure)
     return outcome

@@ -10,12 +10,12 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from ..loading import VARIANTS, load_dict
+from ..loading import VARIANTS
 from ..scalar import active_variant
 from ..spec import Spec
 from .meshes import Mesh, sphere, tessellated_box
 from .rays import INTERIOR_FAMILIES, Rays, grazing_inside, interior_rays
-from .wrapped import to_mitsuba
+from .wrapped import alone
 
 PLACES = {"": (0, 0, 0), " at 1e3": (1e3, -1e3, 7e2), " at 2.7e5": (148376, 1234, -223423)}
 
@@ -44,7 +44,7 @@ def rays_inside(mesh: Mesh, family: str, count: int, rng: np.random.Generator) -
 def missed(mesh: Mesh, spec: Spec, rays: Rays) -> NDArray[np.bool_]:
     """Which rays hit nothing in a Mitsuba scene of this mesh under the accelerator."""
     with _scalar():
-        scene = load_dict({"type": "scene", "mesh": to_mitsuba(mesh)}, spec.text)
+        scene = alone(mesh, spec)
         return np.array([_is_missed(scene, o, d) for o, d in zip(*(part.tolist() for part in rays), strict=True)])
 
 

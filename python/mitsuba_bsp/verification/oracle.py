@@ -52,15 +52,15 @@ class Questions:
         cut = (part[:count] for part in self.rays)
         return Questions(self.mesh, self.family, self.seed, *cut, expected)
 
-    def case(self, index: int, spec: str, why: str, hit: bool | None = None) -> Case:
+    def case(self, index: int, spec: str, why: str, hit: bool | None = None, through: str = "") -> Case:
         """One of the rays, so that it can be asked again; `hit`: whether it must hit anything, where that is known."""
         one = slice(index, index + 1)
         hits = None if hit is None else (hit,)
-        return Case(why, self.mesh, *(part[one] for part in self.rays), hits, spec, self.seed)
+        return Case(why, self.mesh, *(part[one] for part in self.rays), hits, spec, self.seed, through)
 
-    def failure(self, index: int, spec: str, sentence: str, hit: bool | None = None) -> Failure:
-        """One of the rays, of which the sentence says what the spec does with it; `hit` as for `case`."""
-        case = self.case(index, spec, sentence, hit)
+    def failure(self, index: int, spec: str, sentence: str, hit: bool | None = None, through: str = "") -> Failure:
+        """One of the rays, of which the sentence says what the spec does with it; the rest as for `case`."""
+        case = self.case(index, spec, sentence, hit, through)
         return Failure(f"{spec} {sentence}: {self.describe(index)}", case.to_json())
 
     def describe(self, index: int) -> str:

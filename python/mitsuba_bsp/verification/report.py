@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from ..comparison import Options
 from ..records import Record, ResultsFolder
+from ..spec import parse_spec
 from ..text_table import TextTable
 from .check import all_checks
 from .runner import Result
@@ -64,8 +65,35 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
 
 
 def own_tables(found: Sequence[Result]) -> list[TextTable]:
-    """Those of checks for which a line is not enough."""
-    return [table for result in found if result.check.tables for table in result.check.tables(result.records)]
+    """What a line for each check does not say: what is measured and not judged, and the checks' own tables."""
+    own = [table for result in found if result.check.tables for table in result.check.tables(result.records)]
+    return [*_measured(found), *own]
+
+
+def _measured(found: Sequence[Result]) -> list[TextTable]:
+    """A row for every mode of our trees that promises nothing, over all trees and checks."""
+    modes: dict[str, list[Record]] = {}
+    for result in found:
+        for row in result.records:
+            if not row["judged"] and row["what"] == "rays" and parse_spec(row["spec"]).is_tree:
+                tree, _, mode = row["spec"].partition(":")
+                modes.setdefault(mode or tree, []).append(row)
+    if not modes:
+        return []
+    title = "What modes that promise nothing get wrong"
+    head = ("mode", "rays", "wrong", "per million", "most in", "there most of", "wrong there")
+    return [TextTable(title, head, tuple((mode, *_mode_cells(rows)) for mode, rows in modes.items()))]
+
+
+def _mode_cells(rows: Sequence[Record]) -> tuple[str, ...]:
+    tried, wrong = sum(row["tried"] for row in rows), [sum(row["wrong"].values()) for row in rows]
+    counts = f"{tried:,}", f"{sum(wrong):,}", f"{1e6 * sum(wrong) / max(1, tried):,.0f}"
+    if not any(wrong):
+        return (*counts, "-", "-", "-")
+    most, worst = max(zip(wrong, rows, strict=True), key=lambda pair: pair[0])
+    family = max(worst["wrong"], key=worst["wrong"].get)
+    tree = worst["spec"].partition(":")[0]
+    return (*counts, f"{tree}, {worst['check']}", family, f"{most:,} of {worst['tried']:,}")
 
 
 def cells(result: Result) -> tuple[str, ...]:

@@ -52,6 +52,11 @@ class Result:
         return [row for row in self.records if row["judged"]]
 
     @property
+    def counted(self) -> Sequence[Record]:
+        """What its line is about: what is judged, or all of it if nothing is."""
+        return self.judged or self.records
+
+    @property
     def passed(self) -> bool:
         return not any(sum(row["wrong"].values()) for row in self.judged)
 
@@ -76,16 +81,16 @@ class Result:
     def wrong(self) -> dict[str, int]:
         """What was wrong, by family, worst first."""
         total: dict[str, int] = {}
-        for row in self.judged:
+        for row in self.counted:
             for family, count in row["wrong"].items():
                 total[family] = total.get(family, 0) + count
         return dict(sorted(((k, v) for k, v in total.items() if v), key=lambda item: -item[1]))
 
     @property
     def tried(self) -> dict[str, int]:
-        """How much was tried and is judged, by kind."""
+        """How much was tried, by kind."""
         total: dict[str, int] = {}
-        for row in self.judged or self.records:
+        for row in self.counted:
             total[row["what"]] = total.get(row["what"], 0) + row["tried"]
         return total
 
@@ -157,7 +162,7 @@ def _record(check: Check, unit: Unit, plan: Plan, outcome: Outcome, seconds: flo
         "judged": outcome.judged,
         "skipped": outcome.skipped,
         "figures": outcome.figures,
-        "failures": [_kept(failure, check, plan) for failure in outcome.failures],
+        "failures": [_kept(failure, check, unit, plan) for failure in outcome.failures],
         "seconds": round(seconds, 3),
         **describe(),
     }
@@ -166,10 +171,12 @@ def _record(check: Check, unit: Unit, plan: Plan, outcome: Outcome, seconds: flo
     return row
 
 
-def _kept(failure: Failure, check: Check, plan: Plan) -> str:
-    """The failure's sentence, with the command that replays it if its case could be written down."""
+def _kept(failure: Failure, check: Check, unit: Unit, plan: Plan) -> str:
+    """The failure's sentence, with the command that replays its case, or else finds it again."""
     if failure.case is None or plan.folder is None:
-        return failure.text
+        own = f" --specs {unit.spec}" if unit.spec and plan.share_of(unit.spec) == 1 else ""
+        scale = "" if plan.scale == 1 else f" --scale {plan.scale:g}"
+        return f"{failure.text}; again: mitsuba-bsp verify --only {check.id}{own} --seed {plan.seed}{scale}"
     content = json.dumps(failure.case, indent=1) + "\n"
     file = plan.folder / "cases" / f"{check.id}-{hashlib.sha256(content.encode()).hexdigest()[:12]}.json"
     file.parent.mkdir(exist_ok=True)

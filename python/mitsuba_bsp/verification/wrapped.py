@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from ..loading import load_dict
 from ..scalar import mitsuba
 from ..spec import Spec
 from .meshes import Mesh, boxes, sphere
@@ -97,6 +98,19 @@ def scene_with(mesh: Mesh, spec: Spec, robust: bool, lamps: bool) -> Any:
     aside = {"type": "sphere", "center": (mesh.centre + 20 * mesh.size).tolist(), "radius": 1e-3 * mesh.size}
     root = {"type": "scene", "embree_use_robust_intersections": robust}
     return mitsuba().load_dict({**root, "g": group(spec, parts), "aside": aside})
+
+
+def alone(mesh: Mesh, spec: Spec) -> Any:
+    """Nothing but the mesh."""
+    return load_dict({"type": "scene", "mesh": to_mitsuba(mesh)}, spec.text)
+
+
+#: Scenes with a mesh under an accelerator, by the names that cases use.
+SCENES: dict[str, Callable[[Mesh, Spec], Any]] = {
+    "alone": alone,
+    "fast": lambda mesh, spec: scene_with(mesh, spec, robust=False, lamps=False),
+    "robust": lambda mesh, spec: scene_with(mesh, spec, robust=True, lamps=True),
+}
 
 
 def answers(scene: Any, rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
