@@ -209,7 +209,7 @@ class TestSlice:
 
     def test_the_first_planes_lie_in_the_box(self) -> None:
         tree = neutral_tree(soup("soup", 80), parse_spec("normals:intersection_cost=2,axes=none"))
-        found = cross_section.first_planes(tree)
+        found = cross_section.first_planes(tree, tree.box)
         assert len(found["planes"]) == len(found["levels"]) == len(found["oblique"]) > 5
         assert found["levels"].max() == cross_section.PLANE_LEVELS - 1 and found["oblique"].all()
         slack = 1e-4
@@ -219,13 +219,37 @@ class TestSlice:
     def test_a_scene_without_splits(self) -> None:
         one = Mesh("one", np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
         tree = neutral_tree(one, parse_spec("kd"))
-        assert len(cross_section.first_planes(tree)["planes"]) == 0
+        assert len(cross_section.first_planes(tree, tree.box)["planes"]) == 0
         cells, leaves = cross_section.section(tree, np.array([1, 0, 0, 0.5]))
         assert leaves.tolist() == [0] and len(cells) == 1
 
     def test_the_default_plane_meets_most_triangles(self) -> None:
         flat = np.array([[[x, 0, 0], [x + 1, 0, 0], [x, 1, 0.1]] for x in range(10)], float)
         assert cross_section.default_plane(flat) == [0.0, 1.0, 0.0, 0.5]
+
+    def test_a_floor_without_end_is_not_shown(self) -> None:
+        ball = sphere("ball", 40)
+        corners = ball.vertices[ball.faces].astype(float)
+        low, high = cross_section.shown_box(corners)
+        assert low.tolist() == corners.min(axis=(0, 1)).tolist() and high.tolist() == corners.max(axis=(0, 1)).tolist()
+        floor = np.array([[[-1e3, -1e3, -2], [1e3, -1e3, -2], [0, 1e3, -2]]])
+        both = np.concatenate([corners, floor])
+        low, high = cross_section.shown_box(both)
+        assert np.abs([low, high]).max() < 2.5 and low[2] == -2
+        assert np.abs(cross_section.default_plane(both)[3]) < 0.1
+        points = cross_section.surface_points(both, np.stack([low, high]))
+        assert (points >= low - 1e-5).all() and (points <= high + 1e-5).all() and (points[:, 2] == -2).mean() > 0.1
+
+    def test_the_first_planes_are_those_that_part_the_triangles(self) -> None:
+        ball = sphere("ball", 40)
+        corners = np.array([[-1e3, -1e3, -3], [1e3, -1e3, -3], [0, 1e3, -3]], np.float32)
+        floor = np.arange(3, dtype=np.uint32)[None] + len(ball.vertices)
+        both = Mesh("both", np.concatenate([ball.vertices, corners]), np.concatenate([ball.faces, floor]))
+        tree = neutral_tree(both, parse_spec("kd"))
+        box = cross_section.shown_box(both.vertices[both.faces].astype(float))
+        found = cross_section.first_planes(tree, box)
+        first = found["planes"][found["levels"] == 0]
+        assert len(first) == 1 and np.abs(first[0].mean(axis=0)).max() < 1.5
 
     def test_measure(self, scene: Path) -> None:
         arrays = str(scene.with_name("s.npz"))

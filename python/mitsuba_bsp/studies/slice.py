@@ -40,12 +40,17 @@ SPECS = ("kd", "rbsp", "random", "normals", "clustered", "ize")
 #: Levels of split planes that are drawn in space.
 PLANE_LEVELS = 5
 
+#: What is shown and weighed is inside a box that holds so much of the triangles, with a margin of its longest side, if
+#: that is less than half as long as the scene: a floor without end would else fill every picture.
+_SHOWN, _MARGIN = 0.98, 0.05
+
 #: Points of the surface that are drawn with them.
 _POINTS, _SEED = 4000, 0
 
 _LEGEND = (
-    "The leaf cells that a plane through the scene cuts. Cost is what a ray pays that ends in a cell: the steps down "
-    "to it and the tests in its leaf, at the tree's own prices. Area-weighted: the mean over the area of the section."
+    "The leaf cells that a plane through the scene cuts; where the scene is more than twice as long as the box around "
+    "98 % of its triangles, in that box. Cost is what a ray pays that ends in a cell: the steps down to it and the "
+    "tests in its leaf, at the tree's own prices. Area-weighted: the mean over the area of the section."
 )
 
 
@@ -92,9 +97,13 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     corners = vertices[faces].astype(float)
     plane = np.array(job.choices["plane"] or default_plane(corners), float)
     plane /= np.linalg.norm(plane[:3])
+    box = shown_box(corners)
+    if not len(_box_part(plane, box)):
+        box = _bounds(corners)  # who asks for a plane beside it wants to see it
     stage(f"cutting {job.spec}")
     cells, leaves = section(tree, tree.seen_plane(plane))
-    cells = tree.unseen(cells)
+    cells, inside = inside_box(tree.unseen(cells), box)
+    leaves = leaves[inside]
     across = basis(plane)
     if len(leaves) and np.argmax(np.ptp((cells @ across.T.astype(Real)).reshape(-1, 2), axis=0)) == 1:
         across = across[::-1]  # the longer side lies across
@@ -108,9 +117,9 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
             "depth": level.astype(np.uint8),
             "cost": cost.astype(np.float32),
             "segments": (outline(corners, plane) @ across.T).astype(np.float32),
-            **first_planes(tree),
-            "points": surface_points(corners),
-            "box": _users_box(tree).astype(np.float32),
+            **first_planes(tree, box),
+            "points": surface_points(corners, box),
+            "box": box.astype(np.float32),
         },
     )
     areas = _areas(flat.astype(float))
@@ -125,10 +134,27 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     }
 
 
+def shown_box(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The lower and upper corner of a box around those triangles (n, 3, 3) that reach least far from the middle, or
+    around all of them.
+    """
+    reach = np.abs(corners - np.median(corners, axis=(0, 1))).max(axis=(1, 2))
+    low, high = _bounds(corners[reach <= np.quantile(reach, _SHOWN, method="higher")])
+    whole = _bounds(corners)
+    if 2 * (high - low).max() > np.ptp(whole, axis=0).max():
+        return whole
+    margin = _MARGIN * (high - low).max()
+    return np.clip([low - margin, high + margin], *whole)
+
+
+def _bounds(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+
+
 def default_plane(corners: NDArray[np.float64]) -> list[float]:
-    """Perpendicular to the axis and through the middle of the box, where most triangles are cut."""
+    """Perpendicular to the axis and through the middle of what is shown, where most triangles are cut."""
     low, high = corners.min(axis=1), corners.max(axis=1)
-    middle = (low.min(axis=0) + high.max(axis=0)) / 2
+    middle = shown_box(corners).mean(axis=0)
     axis = int(((low < middle) & (high > middle)).sum(axis=0).argmax())
     return [float(axis == 0), float(axis == 1), float(axis == 2), float(middle[axis])]
 
@@ -152,12 +178,18 @@ def _square(plane: NDArray[np.float64], box: NDArray[np.float64]) -> Polygons:
 
 def _box_part(plane: NDArray[np.float64], box: NDArray[np.float64]) -> Polygons:
     """The part of a plane inside the box; empty if there is none."""
-    polygon = _square(plane, box)
+    return inside_box(_square(plane, box), box)[0]
+
+
+def inside_box(polygons: Polygons, box: NDArray[np.float64]) -> tuple[Polygons, NDArray[np.intp]]:
+    """The parts of polygons (m, k, 3) inside a box, and which of them have one."""
+    owners = np.arange(len(polygons))
     for axis in range(3):
         for side, sign in ((0, -1.0), (1, 1.0)):
-            if len(polygon):
-                polygon, _ = cut(polygon, sign * (polygon[..., axis] - Real(box[side, axis])))
-    return polygon
+            if len(polygons):
+                polygons, kept = cut(polygons, sign * (polygons[..., axis] - Real(box[side, axis])))
+                owners = owners[kept]
+    return polygons, owners
 
 
 def section(tree: NeutralTree, plane: NDArray[np.float64]) -> tuple[Polygons, NDArray[np.intp]]:
@@ -205,38 +237,50 @@ def leaf_costs(tree: NeutralTree, spec: Spec) -> NDArray[np.float64]:
     return cost
 
 
-def first_planes(tree: NeutralTree) -> dict[str, NDArray[np.generic]]:
-    """`planes` (p, k, 3): each of the first levels' planes inside its cell; `levels` (p,); whether it is `oblique`."""
+def first_planes(tree: NeutralTree, box: NDArray[np.float64]) -> dict[str, NDArray[np.generic]]:
+    """`planes` (p, k, 3): each of the first levels' planes inside its cell and the box, which is the user's; `levels`
+    (p,); whether it is `oblique`. Levels begin at the last node that has most of the triangles.
+    """
     subtrees = Subtrees(tree)
+    top = _top(tree, subtrees)
     polygons, owners = [np.zeros((0, 4, 3), Real)], []
-    for node in subtrees.inner_below(0, PLANE_LEVELS):
+    for node in subtrees.inner_below(top, PLANE_LEVELS):
         plane = np.append(tree.normals[node], tree.offsets[node]) / np.linalg.norm(tree.normals[node])
         part = _box_part(plane, tree.box)
         for ancestor, above in path_to(tree, node):
             if len(part):
                 height = heights(part, tree.normals[[ancestor]], tree.offsets[[ancestor]])
                 part, _ = cut(part, -height if above else height)
+        part, _ = inside_box(tree.unseen(part), box)
         polygons.append(part)
         owners += [node] * len(part)
     return {
-        "planes": tree.unseen(joined(*polygons)).astype(np.float32),
-        "levels": subtrees.depths[owners].astype(np.uint8) if owners else np.zeros(0, np.uint8),
+        "planes": joined(*polygons).astype(np.float32),
+        "levels": (subtrees.depths[owners] - subtrees.depths[top]).astype(np.uint8)
+        if owners
+        else np.zeros(0, np.uint8),
         "oblique": (tree.normals[owners] != 0).sum(axis=1) > 1 if owners else np.zeros(0, bool),
     }
 
 
-def _users_box(tree: NeutralTree) -> NDArray[np.float64]:
-    """The box around the root's cell: its lower and upper corner."""
-    corners = np.stack(np.meshgrid(*tree.box.T, indexing="ij"), axis=-1).reshape(-1, 3)
-    found = tree.unseen(corners)
-    return np.stack([found.min(axis=0), found.max(axis=0)])
+def _top(tree: NeutralTree, subtrees: Subtrees) -> int:
+    """The last node on the way down from the root that has so much of the triangles as is shown."""
+    node, least = 0, _SHOWN * len(subtrees.triangles(0))
+    while not tree.is_leaf[node]:
+        fuller = max((node + 1, int(tree.above[node])), key=lambda child: len(subtrees.triangles(child)))
+        if len(subtrees.triangles(fuller)) < least:
+            break
+        node = fuller
+    return node
 
 
-def surface_points(corners: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(n, 3) points drawn uniformly from the surface."""
+def surface_points(corners: NDArray[np.float64], box: NDArray[np.float64]) -> NDArray[np.float32]:
+    """(n, 3) points drawn uniformly from the surface inside a box."""
+    parts, _ = inside_box(corners, box)
+    triangles = np.concatenate([parts[:, [0, second, second + 1]] for second in range(1, parts.shape[1] - 1)])
     rng = np.random.default_rng(_SEED)
-    _, areas = normals_and_areas(corners)
-    chosen = corners[rng.choice(len(corners), _POINTS, p=areas / areas.sum())]
+    _, areas = normals_and_areas(triangles)
+    chosen = triangles[rng.choice(len(triangles), _POINTS, p=areas / areas.sum())]
     weights = rng.dirichlet((1, 1, 1), _POINTS)
     return np.einsum("nk,nkj->nj", weights, chosen).astype(np.float32)
 

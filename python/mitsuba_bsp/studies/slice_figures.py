@@ -123,12 +123,16 @@ def _frame(panel: Axes, window: Sequence[NDArray[np.floating]]) -> None:
 def planes_figure(scene: str, found: Mapping[str, Record], folder: ResultsFolder) -> Figure:
     """The first split planes of every tree, with points of the scene's surface."""
     loaded = _load(found, folder)
-    figure = new_figure(3.1 * len(loaded), 3.5)
+    columns = -(-len(loaded) // 2)
+    figure = new_figure(3.6 * columns, 0.5 + 3.6 * 2)
     for place, (tree, arrays) in enumerate(loaded.items(), start=1):
-        panel = figure.add_subplot(1, len(loaded), place, projection="3d")
+        panel = figure.add_subplot(2, columns, place, projection="3d")
         _draw_planes(panel, arrays, COLOURS[spec_of(tree).name])
         panel.set_title(tree, fontsize=9)
-    figure.suptitle(f"{scene}: the planes of the first levels; coloured: oblique ones", fontsize=10)
+    figure.suptitle(
+        f"{scene}: the first levels of planes below the node with 98 % of the triangles; coloured: oblique ones",
+        fontsize=10,
+    )
     return figure
 
 
@@ -143,5 +147,5 @@ def _draw_planes(panel: Axes, arrays: Arrays, colour: str) -> None:
         panel.plot(*np.vstack([polygon, polygon[:1]]).T, color=shade, linewidth=0.9 if oblique else 0.4)
     low, high = arrays["box"]
     panel.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    panel.set_box_aspect(high - low, zoom=1.35)
+    panel.set_box_aspect(high - low, zoom=1.15)
     panel.set_axis_off()
