@@ -88,6 +88,14 @@ class TestExtremes:
         assert len(names) == 15 + 13 + 13 and {"moved by 1e7", "aspect 1e12", "scaled by 1e-30"} <= set(names)
 
 
+    def test_the_choice_of_precision_loses_nothing_there(self) -> None:
+        found = result_of("N07p", 0.01)
+        assert not found.wrong.get("lost") and len(found.records) == 2 * (15 + 13 + 13)
+        assert sum(row["figures"]["fast"] for row in found.records) > 0  # the rays can tell
+        (table,) = found.check.tables(found.records)
+        assert [row[:2] for row in table.rows] == [("kd", "41 of 41"), ("normals", "41 of 41")]
+
+
 class TestSpawnedRays:
     def test_mitsubas_offset_suffices_and_less_would(self) -> None:
         found = result_of("N06", 0.01)
