@@ -14,7 +14,6 @@ from ..outcomes import Outcome
 from ..records import Record, of
 from ..spec import names, parse_spec
 from ..studies.runs import BUILD, RENDER, Quantity
-from ..verification.check import Subject
 
 _Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
 
@@ -90,7 +89,7 @@ def measures(outcome: Outcome) -> Iterator[Measure]:
 
 def _competes(text: str) -> bool:
     spec = parse_spec(text)
-    return spec.is_tree and spec.name != "brute" and Subject(spec, share=1).promises
+    return spec.is_exact and spec.name != "brute"
 
 
 def _ratio_of_medians(above: Sequence[float], below: Sequence[float]) -> Interval:
