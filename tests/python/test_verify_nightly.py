@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from conftest import WILD_PLY
 
+from mitsuba_bsp import _core
 from mitsuba_bsp.image_regression import Setup, render
 from mitsuba_bsp.judging import Rendering
 from mitsuba_bsp.spec import parse_spec
@@ -21,6 +22,7 @@ from mitsuba_bsp.verification import (
     checks_files,
     checks_image_set,
     checks_memory,
+    checks_primary,
     checks_sanitizers,
     checks_soak,
     checks_spawn,
@@ -86,7 +88,6 @@ class TestExtremes:
         (table,) = found.check.tables(found.records)
         names = [row[0].partition(",")[0] for row in table.rows]
         assert len(names) == 15 + 13 + 13 and {"moved by 1e7", "aspect 1e12", "scaled by 1e-30"} <= set(names)
-
 
     def test_the_choice_of_precision_loses_nothing_there(self) -> None:
         found = result_of("N07p", 0.01)
@@ -229,6 +230,19 @@ class TestMemory:
         monkeypatch.setattr(checks_memory, "BUDGETS", {"kd": 5, "rbsp": 5, "normals": 5})
         monkeypatch.setattr(checks_memory, "FIXED_BYTES", 0)
         assert not result_of("N09", 0.0002).passed
+
+
+class TestPrimaryHits:
+    def test_trees_are_with_brute_force_where_others_are_not(self) -> None:
+        found = result_of("N12p", 0.1)
+        assert found.passed and found.tried == {"rays": 12 * 2 * 100_000}
+        (table,) = found.check.tables(found.records)
+        assert [row[1] for row in table.rows] == ["100,000"] * 12 and table.rows[0][0] == "sphere"
+
+    def test_a_tree_that_loses_rays_is_seen(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        lost = _core.Accelerator(sphere("elsewhere", 5).vertices + 9, sphere("elsewhere", 5).faces, "kd", {})
+        monkeypatch.setattr(checks_primary, "build", lambda *_: lost)
+        assert not result_of("N12p", 0.00001).passed
 
 
 class TestImageSet:
