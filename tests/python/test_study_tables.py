@@ -12,7 +12,7 @@ import pytest
 from fake_workers import Workers, study
 
 from mitsuba_bsp.records import ResultsFolder
-from mitsuba_bsp.studies import STUDIES
+from mitsuba_bsp.studies import STUDIES, comparison_figures
 from mitsuba_bsp.studies.claim_list import ALIGNMENT, CLAIMS
 from mitsuba_bsp.studies.comparison import Findings, as_measured
 from mitsuba_bsp.studies.cost import RULES, prices
@@ -114,6 +114,30 @@ class TestComparison:
         assert words["normals:k=6,axes=fast,cost=thesis", "R", "less than kd"] == "confirmed"
         assert words["ize:axes=fast,cost=thesis", "R", "less than kd"] == "refuted"
         assert words["normals:k=6,axes=fast,cost=thesis", "B", "more than kd"] == "open"  # no difference
+
+    def test_the_figures_have_what_was_measured(self, workers: Workers, feet: Path, tmp_path: Path) -> None:
+        published = "normals:k=6,axes=fast,cost=thesis"
+        specs = ("native", "embree", "kd", "kd:orientation=scene", "random", "normals", "kd:cost=thesis", published)
+        assert study("comparison", feet, "--repeats", "3", "--specs", *specs, "--out", tmp_path / "out") == 0
+        rows = ResultsFolder(tmp_path / "out").records()
+        rows += [{**own, "tree": "auto"} for own in rows if own["tree"] == "random"]
+        runs = Runs(rows)
+        found = comparison_figures.rows_of(runs)
+        assert [*found] == ["normals", "auto", "kd:orientation=scene", "random"]
+        assert found["normals"] == {"wide": "normals", "thesis": published}
+        percent = comparison_figures.percent_figure(runs)
+        labels = [text.get_text() for text in percent.legends[0].get_texts()]
+        assert labels == ["ours, thesis", "ours, wide", "published"]
+        low, high = percent.axes[0].get_xlim()
+        ticks = [tick for tick in percent.axes[0].get_xticks() if low < tick < high]
+        assert len(ticks) > 2 and 100 in ticks
+
+    def test_there_are_panels_only_for_what_is_drawn(self, workers: Workers, feet: Path, tmp_path: Path) -> None:
+        """Mitsuba's own accelerators have no kd nodes to be counted."""
+        specs = ("native", "embree", "kd:cost=thesis", "normals:cost=thesis")
+        assert study("comparison", feet, "--repeats", "3", "--specs", *specs, "--out", tmp_path / "out") == 0
+        figure = comparison_figures.depth_figure(Runs(ResultsFolder(tmp_path / "out").records()))
+        assert [axes.get_title() for axes in figure.axes] == ["feet, thesis"]
 
 
 class TestCost:
@@ -220,6 +244,26 @@ class TestHotSpots:
         assert row(out, "room, 30 triangles, 256x256, 4 spp: whole paths", "normals") == [
             "normals", "2.0", "9.9", "0.50", "4.95", "5.00", exact, exact,
         ]  # fmt: skip
+
+    def test_costs_are_drawn_over_the_mean_of_kd(self, workers: Workers, room: Path, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        specs = ("native", "kd", "kd:orientation=scene", "normals")
+        assert study("hotspots", room, "--specs", *specs, "--out", out) == 0
+
+        def dearer(own: dict) -> dict:
+            """Every pixel costs as much again, without a change of the spread."""
+            own = json.loads(json.dumps(own))
+            if own["tree"] == "normals":
+                for pixels in own["pixels"]["cost"].values():
+                    pixels |= {"mean": 2 * pixels["mean"], "quantiles": [2 * q for q in pixels["quantiles"]]}
+            return own
+
+        rows = [dearer(own) for own in ResultsFolder(out).records()]
+        (_, figure), *_ = STUDIES["hotspots"].figures(rows, ResultsFolder(out))
+        lines = {line.get_label(): line for line in figure.axes[0].lines}
+        assert set(lines) == {"kd", "kd:orientation=scene", "normals"}
+        assert (lines["normals"].get_ydata() == 2 * lines["kd"].get_ydata()).all()
+        assert len({line.get_color() for line in lines.values()}) == 3
 
 
 def test_published_numbers() -> None:

@@ -9,21 +9,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import lines_of, new_figure, plain
+from ..figures import COLOURS, lines_of, new_figure, plain
 from ..records import Record, ResultsFolder
 from ..speeds import NONE
 from ..text_table import TextTable
 from .heatmap import add_specs, chosen_specs, heat_maps
-from .runs import DEAREST, HOT_SPOTS, Runs
+from .log_ticks import readable_ticks
+from .runs import DEAREST, HOT_SPOTS, Runs, spec_of
 from .study import Cell, Study, StudyOptions, timed_and_counted
 from .verdicts import percent
 from .work import PIXELS, SHARES
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SPECS = ("native", "kd", "rbsp", "ize", "random", "normals", "clustered")
 BASELINE = "kd"
+
+#: The kd-tree along axes of the scene's own, whose line must not look like that of the other.
+ORIENTED = "kd:orientation=scene"
 
 _LEGEND = (
     "The cost of a pixel is the price of the work for its rays, in units of one axis-aligned plane, at the prices "
@@ -78,26 +83,42 @@ def figures(rows: Sequence[Record], folder: ResultsFolder) -> Iterator[tuple[str
 
 
 def _spread_figure(runs: Runs) -> Figure:
-    """The dearest pixels: cost over the mean against the share of pixels that are dearer."""
-    figure = new_figure(1 + 3.1 * len(runs.scenes), 0.9 + 2.5 * len(PIXELS))
+    """The dearest pixels: cost over the mean of kd's against the share of pixels that are cheaper.
+
+    Mitsuba's kd-tree is left out: its costs are in another unit.
+    """
+    styles = {tree: style for tree, style in lines_of(runs.ordered(SPECS)).items() if spec_of(tree).is_tree}
+    if ORIENTED in styles:
+        styles[ORIENTED] = {"color": COLOURS["embree"], "linestyle": "--"}  # which tells no costs
+    figure = new_figure(1 + 3.1 * len(runs.scenes), 1.1 + 2.9 * len(PIXELS))
     grid = figure.subplots(len(PIXELS), len(runs.scenes), sharex=True, squeeze=False)
     for line, (of, words) in zip(grid, PIXELS.items(), strict=True):
         for panel, scene in zip(line, runs.scenes, strict=True):
-            for tree, style in lines_of(runs.ordered(SPECS)).items():
+            base = runs.first(scene, "work", BASELINE)
+            unit = base["pixels"]["cost"][of]["mean"] if base else 1
+            for tree, style in styles.items():
                 if row := runs.first(scene, "work", tree):
-                    own = row["pixels"]["cost"][of]
-                    relative = np.array(own["quantiles"]) / own["mean"]
-                    panel.plot(100 * SHARES, relative, **style, linewidth=1.2, label=tree)
-            panel.set_xlim(50, 100)
-            plain(panel)
-        line[0].set_ylabel(f"{words}\ncost over the mean")
+                    costs = np.array(row["pixels"]["cost"][of]["quantiles"]) / unit
+                    panel.plot(100 * SHARES, costs, **style, linewidth=1.2, label=tree)
+            _scale(panel)
+        line[0].set_ylabel(f"{words}: cost\nover the mean of {BASELINE}")
     for panel, scene in zip(grid[0], runs.scenes, strict=True):
         panel.set_title(scene)
     for panel in grid[-1]:
         panel.set_xlabel("% of the pixels that are cheaper")
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     return figure
+
+
+def _scale(panel: Axes) -> None:
+    """The dearer half, on logarithmic axes, on which equal ratios are as far apart everywhere."""
+    panel.set_xlim(50, 100)
+    panel.set_yscale("log")
+    shown = np.concatenate([line.get_ydata()[SHARES >= 0.5] for line in panel.lines])
+    panel.set_ylim(0.9 * max(shown.min(), 1e-3 * shown.max()), 1.1 * shown.max())
+    readable_ticks(panel.yaxis)
+    plain(panel)
 
 
 STUDY = Study(
