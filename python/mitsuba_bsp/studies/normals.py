@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from argparse import _ArgumentGroup as OptionGroup
 
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 SPECS = ("kd", "rbsp", "random", "normals", "clustered", "ize")
 
@@ -44,6 +46,9 @@ LEVELS = 9
 
 #: Cells along a side of the map.
 BINS = 64
+
+#: The colours of the map, and the least share that can be told from none.
+_GREYS, _LEAST = "Greys", 1e-5
 
 #: Radians: a triangle nearer to a plane's direction than this is parallel to it.
 _PARALLEL = np.radians(5)
@@ -229,44 +234,82 @@ def _file(folder: ResultsFolder, row: Record) -> Path:
 
 
 def _figure(runs: Runs, scene: str, trees: Sequence[str], folder: ResultsFolder) -> Figure:
-    figure = new_figure(0.5 + 2.5 * len(trees), 0.5 + 2.75 * len(DEPTHS))
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LogNorm
+
+    found = {tree: runs.first(scene, "normals", tree) for tree in trees}
+    loaded = {tree: _load(_file(folder, row)) for tree, row in found.items()}
+    most = max(float(arrays[f"map{number}"].max()) for arrays in loaded.values() for number in range(len(DEPTHS)))
+    norm = LogNorm(_LEAST, max(2 * _LEAST, most))
+    figure = new_figure(1.2 + 2.5 * len(trees), 0.9 + 2.75 * len(DEPTHS))
     grid = figure.subplots(len(DEPTHS), len(trees), squeeze=False)
-    for column, tree in enumerate(trees):
-        row = runs.first(scene, "normals", tree)
-        with np.load(_file(folder, row)) as arrays:
-            for number, node in enumerate(row["nodes"]):
-                parts = (arrays[f"{part}{number}"] for part in ("map", "directions", "depths"))
-                _draw(grid[number, column], *parts, COLOURS[spec_of(tree).name])
-                where = "the whole scene" if node["depth"] == 0 else f"depth {node['depth']}"
-                grid[number, column].set_title(f"{where}, {node['triangles']:,} triangles", fontsize=8)
+    for column, (tree, arrays) in enumerate(loaded.items()):
+        for number, node in enumerate(found[tree]["nodes"]):
+            parts = (arrays[f"{part}{number}"] for part in ("map", "directions", "depths"))
+            _draw(grid[number, column], *parts, COLOURS[spec_of(tree).name], norm)
+            where = "the whole scene" if node["depth"] == 0 else f"depth {node['depth']}"
+            grid[number, column].set_title(f"{where}, {node['triangles']:,} triangles", fontsize=8)
         grid[0, column].set_title(f"{tree}\n{grid[0, column].get_title()}", fontsize=9)
-    figure.suptitle(f"{scene}: normals by area (grey), and the directions that trees cut along", fontsize=10)
+    figure.suptitle(f"{scene}: normals by area (grey), and the directions that trees cut along (circles)", fontsize=10)
+    figure.colorbar(
+        ScalarMappable(norm, _GREYS), ax=grid, fraction=0.02, pad=0.01, extend="min",
+        label=f"share of the node's area, of each of {BINS} x {BINS} cells",
+    )  # fmt: skip
+    figure.legend(handles=_sizes(), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     return figure
 
 
+def _load(file: Path) -> dict[str, NDArray[np.generic]]:
+    with np.load(file) as arrays:
+        return dict(arrays)
+
+
 def _draw(
-    panel: Axes, shares: NDArray[np.float32], directions: NDArray[np.float32], levels: NDArray[np.uint8], colour: str
+    panel: Axes,
+    shares: NDArray[np.float32],
+    directions: NDArray[np.float32],
+    levels: NDArray[np.uint8],
+    colour: str,
+    norm: Normalize,
 ) -> None:
-    from matplotlib.colors import LogNorm
     from matplotlib.patches import Circle
 
     shown = np.ma.masked_less_equal(shares.T, 0)
-    norm = LogNorm(1e-5, max(2e-5, float(shares.max())))
-    disc = Circle((0, 0), 1, facecolor="white", edgecolor="0.5", linewidth=0.8)
-    panel.add_patch(disc)
+    panel.add_patch(Circle((0, 0), 1, fill=False, edgecolor="0.5", linewidth=0.8, zorder=1.5))
     panel.imshow(
-        shown, origin="lower", extent=(-1.02, 1.02, -1.02, 1.02), cmap="Greys", norm=norm, interpolation="nearest",
+        shown, origin="lower", extent=(-1.02, 1.02, -1.02, 1.02), cmap=_GREYS, norm=norm, interpolation="nearest",
         zorder=1, rasterized=True,
     )  # fmt: skip
     if len(directions):
         points = project(directions)
         rim = np.abs(directions[:, 2]) < 1e-6
-        points, sizes = np.concatenate([points, -points[rim]]), 60 * 0.72 ** np.concatenate([levels, levels[rim]])
+        points, sizes = np.concatenate([points, -points[rim]]), _area(np.concatenate([levels, levels[rim]]))
         panel.scatter(*points.T, s=sizes, facecolors="none", edgecolors=colour, linewidths=0.8, zorder=2)
+    for name, place in (("x", (1.14, 0)), ("y", (0, 1.14)), ("z", (0.12, 0.1))):
+        panel.text(*place, name, ha="center", va="center", fontsize=9, color="0.3", zorder=3)
     panel.set_aspect("equal")
-    panel.set_xlim(-1.08, 1.08)
-    panel.set_ylim(-1.08, 1.08)
+    panel.set_xlim(-1.2, 1.2)
+    panel.set_ylim(-1.2, 1.2)
     panel.set_axis_off()
+
+
+def _area(levels: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Of the circle of a direction, in square points: nodes farther down have smaller ones."""
+    return 60 * 0.72 ** levels.astype(float)
+
+
+def _sizes() -> list[Line2D]:
+    """What the sizes of circles mean."""
+    from matplotlib.lines import Line2D
+
+    return [
+        Line2D(
+            [], [], linestyle="none", marker="o", color="0.3", markerfacecolor="none", markeredgewidth=0.8,
+            markersize=float(np.sqrt(_area(np.array(level)))),
+            label=f"{level} levels below" if level else "a plane of the node",
+        )
+        for level in range(0, LEVELS, 2)
+    ]  # fmt: skip
 
 
 STUDY = Study(
