@@ -81,7 +81,8 @@ def outcomes(folder: ResultsFolder) -> list[Outcome]:
             f"command again with --out {folder.path} to have it written"
         )
     if lines and str(lines[-1]["command"]) in _STUDIES:
-        lines = lines[-1:]  # the records of a study belong together, whenever they were asked for
+        # The records of a study belong together, whenever they were asked for.
+        lines = [{**lines[-1], "scenes": [scene for line in lines for scene in line["scenes"]]}]
     return [
         Outcome(options_of(line, _kind(str(line["command"])).options, folder), scenes_of(line), one)
         for line in lines

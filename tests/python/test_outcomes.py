@@ -76,6 +76,15 @@ def test_machines_are_kept_apart(out: Path) -> None:
     }  # fmt: skip
 
 
+def test_the_scenes_of_a_study_are_those_of_all_its_requests(out: Path) -> None:
+    line = json.loads((out / "asked.jsonl").read_text())
+    hall = {**line["scenes"][0], "name": "hall"}
+    with (out / "asked.jsonl").open("a") as file:
+        file.write(json.dumps({**line, "scenes": [hall]}) + "\n")
+    (found,) = outcomes(ResultsFolder(out))
+    assert [scene.name for scene in found.scenes] == ["room", "hall"]
+
+
 def test_a_folder_that_does_not_say_what_was_asked(out: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (out / "asked.jsonl").unlink()
     assert tables(out) == 2
