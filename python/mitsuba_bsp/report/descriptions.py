@@ -30,7 +30,7 @@ DESCRIPTIONS = {
     "heatmap-*-leaves": _MAPS.format("leaves visited"),
     "heatmap-*-steps": _MAPS.format("steps through nodes"),
     "heatmap-*-tests": _MAPS.format("triangle tests"),
-    "hotspots": "Lines of the cost of pixels over its mean against the percentage of pixels that are cheaper, for "
+    "hotspots": "Lines of the cost of pixels over kd's mean against the percentage of pixels that are cheaper, for "
     "every accelerator; a column a scene, above camera rays, below whole paths.",
     "hotspots-*": _MAPS.format("the price of all work"),
     "normals-*": "Discs of the normals of {scene} by area, in grey, with circles for the directions that a tree cuts "
