@@ -24,15 +24,15 @@ struct Setting {
 
 constexpr double huge = 1 << 30;
 constexpr Setting settings[] = {
-    {"kd_intersection_cost", "a number above 0", false, 1e-6, huge},
-    {"kd_traversal_cost", "a number above 0", false, 1e-6, huge},
-    {"kd_empty_space_bonus", "a number above 0 and at most 1", false, 1e-6, 1},
-    {"kd_stop_prims", "an integer of at least 1", true, 1, huge},
+    {"kd_intersection_cost", "a number from 1e-6 to 2^30", false, 1e-6, huge},
+    {"kd_traversal_cost", "a number from 1e-6 to 2^30", false, 1e-6, huge},
+    {"kd_empty_space_bonus", "a number from 1e-6 to 1", false, 1e-6, 1},
+    {"kd_stop_prims", "an integer from 1 to 2^30", true, 1, huge},
     {"kd_max_depth", "an integer from 0 to 48, where 0 means 8 + 1.3 log2(triangles)", true, 0, MI_KD_MAXDEPTH},
-    {"kd_min_max_bins", "an integer of at least 2", true, 2, 1 << 20},
+    {"kd_min_max_bins", "an integer from 2 to 2^20", true, 2, 1 << 20},
     {"kd_clip", "true or false"},
     {"kd_retract_bad_splits", "true or false"},
-    {"kd_exact_primitive_threshold", "an integer of at least 2 and above kd_stop_prims", true, 2, huge},
+    {"kd_exact_primitive_threshold", "an integer from 2 to 2^30, above kd_stop_prims", true, 2, huge},
 };
 
 bool is_valid(const Properties &props, const Setting &setting) {

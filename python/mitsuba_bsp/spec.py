@@ -74,26 +74,31 @@ class Spec:
         return {"embree": None, "native": "nativekdtree"}.get(self.name, "bsptree")
 
 
-_COUNT = "an integer of at least"
 _FOREIGN: dict[str, tuple[Setting, ...]] = {
     "embree": (
         Setting("robust", "bool", False, "true, false", "Embree's robust mode, slower and with fewer leaks"),
     ),
     # The defaults are Mitsuba's own (render/kdtree.h and kdtree.cpp of 3.9.1).
     "native": (
-        Setting("kd_intersection_cost", "float", 20.0, "a number above 0", "SAH price of a triangle test", 1e-6, 2**30),
-        Setting("kd_traversal_cost", "float", 15.0, "a number above 0", "SAH price of a step", 1e-6, 2**30),
         Setting(
-            "kd_empty_space_bonus", "float", 0.9, "a number above 0 and at most 1", "SAH factor for an empty side",
+            "kd_intersection_cost", "float", 20.0, "a number from 1e-6 to 2^30", "SAH price of a triangle test",
+            1e-6, 2**30,
+        ),
+        Setting("kd_traversal_cost", "float", 15.0, "a number from 1e-6 to 2^30", "SAH price of a step", 1e-6, 2**30),
+        Setting(
+            "kd_empty_space_bonus", "float", 0.9, "a number from 1e-6 to 1", "SAH factor for an empty side",
             1e-6, 1,
         ),
-        Setting("kd_stop_prims", "int", 3, f"{_COUNT} 1", "nodes with this many triangles are leaves", 1, 2**30),
+        Setting(
+            "kd_stop_prims", "int", 3, "an integer from 1 to 2^30", "nodes with this many triangles are leaves",
+            1, 2**30,
+        ),
         Setting("kd_max_depth", "int", 0, "0 to 48", "deepest level, 0 = 8 + 1.3 log2(triangles)", 0, 48),
-        Setting("kd_min_max_bins", "int", 128, f"{_COUNT} 2", "bins of the approximate sweep", 2, 2**20),
+        Setting("kd_min_max_bins", "int", 128, "an integer from 2 to 2^20", "bins of the approximate sweep", 2, 2**20),
         Setting("kd_clip", "bool", True, "true, false", "clip triangles to their cell"),
         Setting("kd_retract_bad_splits", "bool", True, "true, false", "take back splits that did not pay"),
         Setting(
-            "kd_exact_primitive_threshold", "int", 65536, f"{_COUNT} 2, above kd_stop_prims",
+            "kd_exact_primitive_threshold", "int", 65536, "an integer from 2 to 2^30, above kd_stop_prims",
             "nodes with more triangles than this are binned, the others swept exactly", 2, 2**30,
         ),
     ),

@@ -57,8 +57,8 @@ def test_listed_settings_are_those_of_the_spec(name: str) -> None:
         ("kd:triangle_test=moller", "moller", "woop"),
         ("embree:robust=yes", '"yes"', "true, false"),
         ("embree:robus=true", 'did you mean "robust"', "robust"),
-        ("native:kd_stop_prims=0", '"0"', "at least 1"),
-        ("native:kd_traversal_cost=nan", '"nan"', "above 0"),
+        ("native:kd_stop_prims=0", '"0"', "from 1 to 2^30"),
+        ("native:kd_traversal_cost=nan", '"nan"', "from 1e-6 to 2^30"),
         ("native:kd_stop_prims=70000", "70000", "kd_exact_primitive_threshold"),
     ],
 )
