@@ -187,7 +187,7 @@ class TestMistakes:
                 '<shape type="bsptree"><string name="expand" value="maybe"/></shape>',
                 '"expand" is neither true nor false',
             ),
-            ('<shape type="nativekdtree"><integer name="kd_stop_prims" value="0"/></shape>', "at least 1"),
+            ('<shape type="nativekdtree"><integer name="kd_stop_prims" value="0"/></shape>', "from 1 to 2^30"),
             ('<shape type="merge"><integer name="k" value="6"/></shape>', "merge takes no properties, but has k"),
             ('<shape type="bspmember"/>', "bspmember is written by mitsuba_bsp itself"),
         ],
