@@ -196,7 +196,12 @@ def test_exceptions_are_failures_and_are_tried_again(tmp_path: Path) -> None:
 def test_what_promises_nothing_is_told_and_not_judged() -> None:
     outcome = Outcome(judged=False)
     outcome.add("edge", 10, 3)
-    promising = checked(Unit("one", "kd:precision=fast", lambda: outcome), Unit("two", "kd", lambda: Outcome(tried=5)))
+    promising = checked(
+        Unit("one", "kd:precision=fast", lambda: outcome),
+        Unit("two", "kd", lambda: Outcome(tried=5)),
+        Unit("of no spec", "", lambda: outcome),
+        Unit("an incumbent", "native", lambda: outcome),
+    )
     (result,) = run([checked(Unit("one", "kd:precision=fast", lambda: outcome))], plan(None), Silent())
     assert result.passed and result.wrong == {"edge": 3} and cells(result)[-1] == "reported"
     (mixed,) = run([promising], plan(None), Silent())

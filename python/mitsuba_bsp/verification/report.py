@@ -75,7 +75,7 @@ def _measured(found: Sequence[Result]) -> list[TextTable]:
     modes: dict[str, list[Record]] = {}
     for result in found:
         for row in result.records:
-            if not row["judged"] and row["what"] == "rays" and parse_spec(row["spec"]).is_tree:
+            if not row["judged"] and row["what"] == "rays" and row["spec"] and parse_spec(row["spec"]).is_tree:
                 tree, _, mode = row["spec"].partition(":")
                 modes.setdefault(mode or tree, []).append(row)
     if not modes:
