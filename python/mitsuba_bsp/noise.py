@@ -22,6 +22,7 @@ _RGB_TO_XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.0
 
 _SPACES = (("X", "Y", "Z"), ("R", "G", "B"), ("Y",))
 _SECOND = re.compile(r"m2_(.+)\.[XYZ]")
+
 #: From fewer samples a variance is not known: most pixels miss what is rare and bright, and seem to have little noise.
 LEAST_SAMPLES = 16
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from ..accelerator import NO_TRIANGLE
 from ..contenders import Triangles
 from ..contenders import build as build_contender
+from ..messages import choices
 from ..spec import Spec, parse_spec
 from .cases import Case, read_case
 from .check import Subject
@@ -24,6 +25,8 @@ from .wrapped import SCENES, answers
 def replay(file: Path, specs: Sequence[Spec], console: Console) -> int:
     """Print who answers what; returns how many answers break a promise. ValueError if the file is no case."""
     case = read_case(file)
+    if case.through and case.through not in SCENES:
+        raise ValueError(f'{file} is not a case: there is no scene "{case.through}" (valid: {choices(SCENES)})')
     if case.spec and all(spec.text != case.spec for spec in specs):
         specs = [parse_spec(case.spec), *specs]
     wrong = sum(_replay_ray(case, index, specs, console) for index in range(len(case.origins)))
