@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
 
@@ -26,16 +27,32 @@ class Interval:
 
 def median_interval(values: Sequence[float]) -> Interval:
     """The median and its percentile-bootstrap interval."""
+    return _interval(np.median, values)
+
+
+def ratio_of_medians(above: Sequence[float], below: Sequence[float]) -> Interval:
+    """The same for a ratio of medians of two measurements that were repeated together."""
+    return _interval(_ratio, above, below)
+
+
+def _ratio(above: NDArray[np.float64], below: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
+    return np.median(above, axis=axis) / np.median(below, axis=axis)
+
+
+def _interval(statistic: Callable[..., NDArray[np.float64]], *samples: Sequence[float]) -> Interval:
     from scipy.stats import bootstrap
 
-    if len(values) < 2:
-        return Interval(values[0], values[0], values[0])
+    data = tuple(np.asarray(sample, float) for sample in samples)
+    value = float(statistic(*data))
+    if len(data[0]) < 2:
+        return Interval(value, value, value)
     found = bootstrap(
-        (np.asarray(values),),
-        np.median,
+        data,
+        statistic,
         n_resamples=_RESAMPLES,
         confidence_level=CONFIDENCE,
         method="percentile",
+        paired=len(data) > 1,
         rng=np.random.default_rng(_SEED),
     ).confidence_interval
-    return Interval(float(np.median(values)), float(found.low), float(found.high))
+    return Interval(value, float(found.low), float(found.high))

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 from operator import itemgetter
 from statistics import median
 
-import numpy as np
-
-from ..intervals import CONFIDENCE, Interval, median_interval
+from ..intervals import Interval, median_interval, ratio_of_medians
 from ..outcomes import Outcome
 from ..records import Record, of
 from ..spec import names, parse_spec
 from ..studies.runs import BUILD, RENDER, Quantity
 
 _Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
-
-_RESAMPLES = 2000
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ class Measure:
         if not repeats:
             return None
         if self.of_medians:
-            return _ratio_of_medians(theirs, mine)
+            return ratio_of_medians(theirs, mine)
         return median_interval([other / own for own, other in zip(mine, theirs, strict=True)])
 
     def leads(self, spec: str, over: str) -> bool:
@@ -90,14 +86,6 @@ def measures(outcome: Outcome) -> Iterator[Measure]:
 def _competes(text: str) -> bool:
     spec = parse_spec(text)
     return spec.is_exact and spec.name != "brute"
-
-
-def _ratio_of_medians(above: Sequence[float], below: Sequence[float]) -> Interval:
-    """With its percentile-bootstrap interval: repetitions are drawn, each with both of its times."""
-    drawn = np.random.default_rng(0).integers(len(above), size=(_RESAMPLES, len(above)))
-    over, under = (np.median(np.asarray(times)[drawn], axis=1) for times in (above, below))
-    low, high = np.quantile(over / under, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Interval(median(above) / median(below), float(low), float(high))
 
 
 def _times(read: Callable[[Record], float | None]) -> _Select:
