@@ -7,17 +7,19 @@ from statistics import median
 from typing import Any
 
 from .comparison import Options, SceneInfo
-from .records import Record, ResultsFolder
+from .records import Record, ResultsFolder, of
 from .spec import Spec
-from .speeds import NONE, spread
+from .speeds import BASELINES, NONE, ratios, speed, spread
 from .text_table import TextTable
 
-_TIMES = ("spec", "build s", "render s", "spread", "x native", "steps/ray", "tests/ray", "nodes", "refs", "MB")
+_SPEEDS = tuple(f"x {baseline}" for baseline in BASELINES)
+_TIMES = ("spec", "build s", "render s", "spread", *_SPEEDS, "steps/ray", "tests/ray", "nodes", "refs", "MB")
 _IMAGES = ("spec", "our trees", "against native", "against embree")
 
 LEGEND = (
     "Times are medians; `loaded`: the tree was not built in that time but found in the cache; the spread is half the "
-    "range of all repeats; `x native` is native's render time over this one. "
+    "range of all repeats; `x native` is native's render time over this one, the median of the repeats with its 95 % "
+    "bootstrap interval; `x embree` likewise. "
     "Steps are interior nodes visited, tests are triangles tested, refs are references of leaves to triangles. "
     "An image is identical to another or differs: the share of pixels off by more than 0.1 %, the largest difference, "
     "and whether the mean signed difference looks like rounding or like bias (paired test, probability p)."
@@ -31,14 +33,14 @@ def make_tables(scenes: Sequence[SceneInfo], options: Options, folder: ResultsFo
 
 
 def _scene_tables(scene: SceneInfo, specs: Sequence[Spec], records: Sequence[Record]) -> list[TextTable]:
-    runs = {spec.text: [r for r in records if r["scene"] == scene.name and r["spec"] == spec.text] for spec in specs}
-    native = next((runs[spec.text] for spec in specs if spec.name == "native" and runs[spec.text]), None)
+    rows = of(records, scene=scene.name)
+    runs = {spec.text: of(rows, spec=spec.text) for spec in specs}
     width, height = scene.resolution
     return [
         TextTable(
             f"{scene.name}: {scene.triangles:,} triangles, {width}x{height}, {scene.spp} spp",
             _TIMES,
-            tuple((spec.text, *_time_cells(runs[spec.text], native)) for spec in specs),
+            tuple((spec.text, *_time_cells(runs[spec.text], rows)) for spec in specs),
         ),
         TextTable(
             f"{scene.name}: images",
@@ -49,18 +51,17 @@ def _scene_tables(scene: SceneInfo, specs: Sequence[Spec], records: Sequence[Rec
     ]
 
 
-def _time_cells(runs: Sequence[Record], native: Sequence[Record] | None) -> tuple[str, ...]:
+def _time_cells(runs: Sequence[Record], rows: Sequence[Record]) -> tuple[str, ...]:
     if not runs:
         return (NONE,) * (len(_TIMES) - 1)
     seconds = [run["render_s"] for run in runs]
-    speed = median(run["render_s"] for run in native) / median(seconds) if native else None
     stats = runs[0]["statistics"]
     loaded = any(run["statistics"].get("loaded") for run in runs)
     return (
         f"{median(run['build_s'] for run in runs):.3f}{' loaded' * loaded}",
         f"{median(seconds):.3f}",
         spread(seconds),
-        _number(speed, ".2f"),
+        *(speed(ratios(runs, rows, baseline, "render_s")) for baseline in BASELINES),
         _number(runs[0]["interior_steps_per_ray"], ".1f"),
         _number(runs[0]["triangle_tests_per_ray"], ".1f"),
         _thousands(stats.get("nodes")),

@@ -20,9 +20,9 @@ def spread(times: Sequence[float]) -> str:
 
 
 def ratios(runs: Sequence[Record], rows: Sequence[Record], baseline: str, time: str) -> list[float]:
-    """The baseline's `time` over this one's, repetition by repetition; empty without that baseline."""
+    """The baseline's `time` over this one's, repetition by repetition of those that both have."""
     times = {row["repeat"]: row[time] for row in of(rows, spec=baseline)}
-    return [times[run["repeat"]] / run[time] for run in runs] if times else []
+    return [times[run["repeat"]] / run[time] for run in runs if run["repeat"] in times]
 
 
 def speed(found: Sequence[float]) -> str:
