@@ -6,12 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import mitsuba as mi
 import numpy as np
 import pytest
 
 import mitsuba_bsp
 from mitsuba_bsp import _core
+from mitsuba_bsp.exr import read_exr
 
 from .plugin_scenes import assert_same_up_to_rounding
 
@@ -53,8 +53,9 @@ def test_it_renders_a_hand_written_group(tmp_path: Path, group: str) -> None:
     for name in ("plain", "grouped"):
         result = stock_command(tmp_path, "-o", f"{name}.exr", f"{name}.xml")
         assert result.returncode == 0, result.stdout + result.stderr
-        images.append(np.array(mi.Bitmap(str(tmp_path / f"{name}.exr")), np.float32))
-    assert images[0][..., :3].std() > 0.05
+        planes = read_exr(tmp_path / f"{name}.exr")
+        images.append(np.stack([planes[channel] for channel in "RGB"], axis=2))
+    assert images[0].std() > 0.05
     assert_same_up_to_rounding(images[1], images[0])
 
 
