@@ -1,4 +1,5 @@
-/// Last-level cache misses of the calling thread, where Linux and the processor count them for ordinary users.
+/// Cache misses of the calling thread, where Linux and the processor count them for ordinary users: of the last level
+/// on Intel, of the second on AMD.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +20,7 @@ public:
         attributes.type = PERF_TYPE_HARDWARE;
         attributes.config = PERF_COUNT_HW_CACHE_MISSES;
         attributes.exclude_kernel = attributes.exclude_hv = 1;
+        attributes.read_format = PERF_FORMAT_TOTAL_TIME_ENABLED | PERF_FORMAT_TOTAL_TIME_RUNNING;
         m_file = int(syscall(SYS_perf_event_open, &attributes, 0, -1, -1, 0));
     }
     ~CacheMisses() {
@@ -28,11 +30,14 @@ public:
     CacheMisses(const CacheMisses &) = delete;
     CacheMisses &operator=(const CacheMisses &) = delete;
 
+    /// Of all the time, also where several events took turns on the counter.
     std::optional<std::uint64_t> read() const {
-        std::uint64_t count = 0;
-        if (m_file < 0 || ::read(m_file, &count, sizeof count) != sizeof count)
+        struct {
+            std::uint64_t count, enabled, running;
+        } found{};
+        if (m_file < 0 || ::read(m_file, &found, sizeof found) != sizeof found || found.running == 0)
             return {};
-        return count;
+        return std::uint64_t(double(found.count) * double(found.enabled) / double(found.running));
     }
 
 private:

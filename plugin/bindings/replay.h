@@ -35,7 +35,7 @@ inline double thread_seconds() {
     return double(time.tv_sec) + 1e-9 * double(time.tv_nsec);
 }
 
-/// (processor seconds, seconds on the clock, last-level cache misses or None) of `trace(ray)`, a float, for all rays in
+/// (processor seconds, seconds on the clock, cache misses or None) of `trace(ray)`, a float, for all rays in
 /// order.
 template <typename Trace> nb::tuple replay(const RayArrays &rays, const Trace &trace) {
     double busy_s = 0;

@@ -3,9 +3,10 @@
 Importing this package lets Mitsuba find the plugins `bsptree` and `nativekdtree`; it sets no variant.
 """
 
-from .installation import check_extension, check_mitsuba, plugin_dir, register_plugins, scenes_dir
+from .installation import check_extension, check_mitsuba, check_processor, plugin_dir, register_plugins, scenes_dir
 
 check_mitsuba()
+check_processor()
 check_extension()
 register_plugins()
 

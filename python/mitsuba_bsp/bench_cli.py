@@ -17,7 +17,7 @@ from .terminal import INTERRUPTED, JOB_FAILED, OK, ProgressBar, add_loading_opti
 from .text_table import print_text_tables
 
 #: The accelerators that are compared, and how often at least, where speed is the question.
-DEFAULT_SPECS = ("native", "embree", "kd", "random", "normals", "clustered")
+DEFAULT_SPECS = ("native", "embree", "auto", "kd", "random", "normals", "clustered")
 MIN_REPEATS = 7
 
 

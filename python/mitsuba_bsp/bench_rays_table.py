@@ -29,13 +29,14 @@ _HEAD = (
 
 LEGEND = (
     "Times are medians of the processor time of one thread; the spread is half the range of all repetitions. Steps are "
-    "interior nodes visited, tests are triangles tested, misses are those of the last-level cache, where they are "
-    "counted. `x native` is native's time over this one, the median of the repetitions with its 95 % bootstrap "
-    "interval; `x embree` likewise. `differ` counts the rays that hit where the first of our trees misses or the other "
-    "way round, or hit at a t that differs by more than 1e-4 of it."
+    "interior nodes visited, tests are triangles tested, misses are cache misses as the processor's own event counts "
+    "them, where users may: of the last level on Intel, of the second on AMD. `x native` is native's time over this "
+    "one, the median of the repetitions with its 95 % bootstrap interval; `x embree` likewise. `differ` counts the "
+    "rays that hit where the first of our trees misses or the other way round, or hit at a t that differs by more than "
+    "1e-4 of it. Geometric means have the interval that repeating all scenes anew would give."
 )
 
-NO_MISSES = "misses of the last-level cache are not counted: this machine does not let its users count them"
+NO_MISSES = "cache misses are not counted: this machine does not let its users count them"
 
 
 def make_ray_tables(scenes: Sequence[SceneInfo], options: RayOptions, folder: ResultsFolder) -> list[TextTable]:
@@ -55,8 +56,9 @@ def _stream_table(scene: SceneInfo, options: RayOptions, rows: Sequence[Record])
     first = rows[0]
     sample = f" (of {first['recorded_rays']:,})" if first["recorded_rays"] > first["rays"] else ""
     digest = first["stream_sha256"][:12]
+    triangles = first.get("triangles", scene.triangles)  # older records do not say what was replayed
     return TextTable(
-        f"{scene.name}, {scene.triangles:,} triangles: {first['rays']:,}{sample} {first['stream']} rays, {digest}",
+        f"{scene.name}, {triangles:,} triangles: {first['rays']:,}{sample} {first['stream']} rays, {digest}",
         _HEAD,
         tuple((spec.text, *_cells(of(rows, spec=spec.text), rows)) for spec in options.specs),
     )

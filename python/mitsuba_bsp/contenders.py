@@ -34,6 +34,9 @@ class Triangles:
         faces = [faces + np.uint32(start) for (_, faces), start in zip(self.meshes, starts[:-1], strict=True)]
         return np.concatenate([vertices for vertices, _ in self.meshes]), np.concatenate(faces)
 
+    def __len__(self) -> int:
+        return sum(len(faces) for _, faces in self.meshes)
+
     def sha256(self) -> str:
         """Of all vertices and faces."""
         return _sha256([array for mesh in self.meshes for array in mesh])
@@ -46,7 +49,7 @@ class Asked(Protocol):
         """Whether each ray hits anything."""
 
     def time(self, origins: object, directions: object, maxt: object, any_hit: bool) -> tuple[float, float, int | None]:
-        """Processor seconds, seconds on the clock and last-level cache misses of all rays on one thread."""
+        """Processor seconds, seconds on the clock and cache misses of all rays on one thread."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +98,10 @@ def triangles_of(meshes: Sequence[mi.Mesh]) -> Triangles:
     ValueError if there are none.
     """
     found = tuple(_usable(mesh) for mesh in meshes)
-    if not sum(len(faces) for _, faces in found):
+    triangles = Triangles(found)
+    if not len(triangles):
         raise ValueError("the scene has no triangle mesh, so there is nothing to trace rays in")
-    return Triangles(found)
+    return triangles
 
 
 def differences(answers: NDArray[np.float32], reference: NDArray[np.float32]) -> dict[str, int]:

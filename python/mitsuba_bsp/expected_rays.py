@@ -6,12 +6,20 @@ from dataclasses import replace
 
 import mitsuba as mi
 
-from .spec import Spec, make_spec
+from .spec import Spec, make_spec, parse_spec
 
 AUTO, KEY = "auto", "expected_rays"
 
 #: Rays of a sample that is traced as a path: from 2 (a scan under a lamp) to 11 (a room) in our scenes, depth 5.
 RAYS_PER_SAMPLE = 6
+
+
+def with_default_rays(text: str) -> str:
+    """A spec's text that keeps `auto` to its own number of rays, for measurements to which building does not count."""
+    spec = parse_spec(text)
+    if spec.name != AUTO or KEY in spec.options:
+        return text
+    return f"{text}{',' if spec.options else ':'}{KEY}={spec.settings[KEY]}"
 
 
 def with_expected_rays(spec: Spec, sensor: mi.Sensor | None, spp: int | None) -> Spec:

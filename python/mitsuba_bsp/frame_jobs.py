@@ -14,6 +14,7 @@ from typing import Any
 
 import mitsuba as mi
 
+from .expected_rays import with_default_rays
 from .exr import channels
 from .images import compare_images
 from .jobs import FREE, Job
@@ -50,7 +51,7 @@ def time_frames(job: Job, stage: Stage) -> dict[str, Any]:
     loaded = load(job, stage)
     contenders = {}
     for text in job.specs:
-        own = replace(job, spec=text)
+        own = replace(job, spec=with_default_rays(text))
         contenders[text] = _Contender(own, construct(own, loaded, stage)[0])
     if job.threads == 1 and loaded.meshes:
         contenders[FREE] = _free(job, loaded, stage)

@@ -8,6 +8,9 @@ from pathlib import Path
 #: Plugins are compiled against the headers of this version, whose layout they share.
 MITSUBA_VERSION = "3.9.1"
 
+#: What CMakeLists.txt lets the compiler use, by the names that Linux gives them.
+PROCESSOR_FEATURES = {"avx2", "fma", "f16c", "bmi1", "bmi2", "abm", "movbe"}
+
 
 def check_mitsuba() -> None:
     """Raise ImportError, in one sentence, unless the Mitsuba we were built for is installed."""
@@ -23,6 +26,22 @@ def check_mitsuba() -> None:
             f"mitsuba_bsp works with mitsuba {MITSUBA_VERSION} only, but {found} is installed: "
             f"run pip install mitsuba=={MITSUBA_VERSION}"
         )
+
+
+def check_processor() -> None:
+    """Raise ImportError, in one sentence, unless the processor has the instructions we were compiled for."""
+    missing = sorted(PROCESSOR_FEATURES - set(cpuinfo().get("flags", "").split()))
+    if missing:
+        raise ImportError(
+            f"mitsuba_bsp needs a processor with AVX2 (Intel since 2013, AMD since 2015), but this one has no "
+            f"{', '.join(missing)}"
+        )
+
+
+def cpuinfo() -> dict[str, str]:
+    """What Linux says of the last of its processors."""
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    return {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
 
 
 def check_extension() -> None:

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from . import _core
+from .installation import cpuinfo
 
 #: Instructions that Embree, the C library or our trees use where a processor has them.
 _DECISIVE = {"avx2", "fma", "avx512f", "avx512cd", "avx512dq", "avx512bw", "avx512vl"}
@@ -46,7 +47,7 @@ def arithmetic() -> dict[str, str]:
 
     These are approximate reciprocals, which differ between vendors, and the instructions among which Embree chooses.
     """
-    about = _cpuinfo()
+    about = cpuinfo()
     instructions = sorted(set(about.get("flags", "").split()) & _DECISIVE)
     vendor = about.get("vendor_id", "unknown")
     return {"C library": c_library(), "processor": f"{vendor} with {' '.join(instructions) or 'none of AVX2'}"}
@@ -64,13 +65,7 @@ def available_threads() -> int:
 
 def _processor() -> str:
     """The processor's name as Linux knows it; the name alone may be that of several generations."""
-    about = _cpuinfo()
+    about = cpuinfo()
     if "model name" not in about:
         return platform.machine()
     return f"{about['model name']} (family {about.get('cpu family')}, model {about.get('model')})"
-
-
-def _cpuinfo() -> dict[str, str]:
-    """What Linux says of the last of its processors."""
-    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    return {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}

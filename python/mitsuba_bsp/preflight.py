@@ -10,7 +10,7 @@ from .comparison import Options, SceneInfo, context
 from .jobs import JobError, run_job
 from .messages import choices
 from .records import check_context
-from .scene_content import Content, notes
+from .scene_content import Content, left_out, notes
 from .spec import BRUTE_MAX_TRIANGLES, Spec
 
 
@@ -35,6 +35,15 @@ def preflight(
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to {meshes_to}")
         earlier = [*folder.records(), *folder.counted().values()]
         check_context(earlier, scene.name, spec_full, context(options, scene, machine))
+    return scenes
+
+
+def preflight_of_triangles(options: Options, attempts: Attempts) -> list[SceneInfo]:
+    """The same for rays that are traced in the triangles of the scene itself and nothing else."""
+    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in")
+    for scene in scenes:
+        for text in left_out(scene.content):
+            attempts.note(f"{scene.name}: {text}")
     return scenes
 
 

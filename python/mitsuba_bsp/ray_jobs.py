@@ -13,13 +13,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import mitsuba as mi
+
 from .contenders import Contender, build, differences, triangles_of
 from .jobs import Job
 from .loading import open_file
 from .rendering import Stage, record_frame
 from .rendering import load as load_scene
 from .spec import parse_spec
-from .streams import Stream, in_use, load, read_recording, save, split
+from .streams import Stream, can_tell_camera_rays, in_use, load, read_recording, save, split
 from .tree_statistics import statistics
 
 SHUFFLE_SEED = 20_240_607
@@ -34,7 +36,11 @@ def record(job: Job, stage: Stage) -> dict[str, Any]:
         scene, _ = record_frame(job, loaded, file, stage)
         rays = read_recording(file)
     stage(f"sorting the rays of {job.scene}")
-    streams = split(rays, scene.sensors()[0], job.max_rays)
+    sensor = scene.sensors()[0]
+    if not can_tell_camera_rays(sensor):
+        name = sensor.class_name()
+        mi.Log(mi.LogLevel.Warn, f"the camera rays of a {name} cannot be told apart, so they are bounce rays here")
+    streams = split(rays, sensor, job.max_rays)
     save(target, streams, job.header)
     return {"counters": statistics(scene)["counters"]}
 
@@ -51,6 +57,7 @@ def replay(job: Job, stage: Stage) -> dict[str, Any]:
     stage("counting steps and tests")
     works = {c.spec.text: {s.kind: c.count(s) for s in streams} for c in contenders}
     return {
+        "triangles": len(triangles),
         "triangles_sha256": triangles.sha256(),
         "streams": {s.kind: {"sha256": s.sha256(), "rays": len(s), "recorded": s.total} for s in streams},
         "trees": {c.spec.text: c.sha256() for c in contenders},

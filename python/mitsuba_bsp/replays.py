@@ -16,7 +16,7 @@ from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .jobs import JobResult
 from .machine import available_threads
-from .preflight import preflight
+from .preflight import preflight_of_triangles
 from .records import Record, ResultsFolder, append, newest_run, of
 from .scheduling import Local, Scheduler
 from .streams import is_recorded
@@ -44,7 +44,7 @@ def replay_scenes(
     """
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener, scheduler or Local())
-    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in")
+    scenes = preflight_of_triangles(options, attempts)
     begin(folder, options, scenes, "streams")
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))
@@ -115,6 +115,7 @@ def _row(options: RayOptions, scene: SceneInfo, result: JobResult, timed: Mappin
         "stream_sha256": values["streams"][stream]["sha256"],
         "rays": rays,
         "recorded_rays": values["streams"][stream]["recorded"],
+        "triangles": values["triangles"],
         "triangles_sha256": values["triangles_sha256"],
         "spec": spec,
         "spec_full": next(s.full for s in options.specs if s.text == spec),

@@ -51,5 +51,15 @@ def notes(content: Content, names: Sequence[str]) -> list[str]:
     return said
 
 
+def left_out(content: Content) -> list[str]:
+    """What is not asked where a measurement takes the triangles of the scene's own accelerator and nothing else."""
+    said = []
+    if content.bounded:
+        said.append(f"these shapes are no triangle meshes, so they are left out here: {_listed(content.bounded)}")
+    if content.shape_groups:
+        said.append("what is in shape groups is left out here")
+    return said
+
+
 def _listed(shapes: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {kind}" for kind, count in shapes.items())

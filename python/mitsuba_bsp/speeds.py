@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import geometric_mean, median
 
-from .intervals import median_interval
+from .intervals import mean_of_medians, median_interval
 from .records import Record, of
 
 NONE = "-"
@@ -37,6 +37,6 @@ def mean_ratio(scenes: Sequence[Sequence[float]]) -> float | None:
 
 
 def mean_speed(scenes: Sequence[Sequence[float]]) -> str:
-    """`mean_ratio` as a cell."""
-    mean = mean_ratio(scenes)
-    return NONE if mean is None else f"{mean:.2f}"
+    """`mean_ratio` with its interval."""
+    found = [scene for scene in scenes if scene]
+    return str(mean_of_medians(found)) if found else NONE

@@ -1,7 +1,8 @@
 """Streams of real rays: those that one rendered frame asked a tree about, sorted by kind, hashed, kept in a file.
 
 A camera ray is a closest-hit query that starts on the sensor's near plane, behind its lens; any-hit queries are shadow
-rays; all other queries are bounce rays. They stay in the order in which the renderer asked.
+rays; all other queries are bounce rays, also those that start at a sensor without a near plane. They stay in the order
+in which the renderer asked.
 """
 
 from __future__ import annotations
@@ -88,10 +89,17 @@ def split(rays: NDArray[np.void], sensor: mi.Sensor, max_rays: int) -> list[Stre
     ]
 
 
+def can_tell_camera_rays(sensor: mi.Sensor) -> bool:
+    """Whether its rays start on a near plane, as those of all sensors do that project a picture."""
+    return "near_clip" in mi.traverse(sensor)
+
+
 def from_sensor(origins: NDArray[np.float32], directions: NDArray[np.float32], sensor: mi.Sensor) -> NDArray[np.bool_]:
-    """Which rays start on the near plane of `sensor`, and come through its lens if it has one."""
+    """Which rays start on the near plane of `sensor`, and come through its lens if it has one; none without a plane."""
+    if not can_tell_camera_rays(sensor):
+        return np.zeros(len(origins), bool)
     params = mi.traverse(sensor)
-    near = float(params["near_clip"]) if "near_clip" in params else 0.0
+    near = float(params["near_clip"])
     lens = float(params["aperture_radius"]) if "aperture_radius" in params else 0.0
     to_world = np.array(sensor.world_transform().matrix, np.float64)
     to_local = np.linalg.inv(to_world)

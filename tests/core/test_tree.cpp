@@ -56,6 +56,20 @@ TEST(Tree, IsValidAndAnswersLikeBruteForce) {
     }
 }
 
+TEST(Tree, BothInstructionSetsAnswerAlike) {
+    if (!has_avx512())
+        GTEST_SKIP() << "this processor has no AVX-512";
+    const TriangleSet set = random_soup(2000, 5);
+    for (const char *tree : {"kd", "normals"}) {
+        const auto avx2 = make_accelerator(set, make_settings(tree, {{"simd", "avx2"}})),
+                   avx512 = make_accelerator(set, make_settings(tree, {{"simd", "avx512"}}));
+        for (const Ray &ray : aimed_rays(set, 3000, 2)) {
+            EXPECT_TRUE(same_bits(avx512->closest(ray), avx2->closest(ray)));
+            EXPECT_EQ(avx512->any(ray), avx2->any(ray));
+        }
+    }
+}
+
 TEST(Tree, EmptyAndDegenerateInputs) {
     const Triangle t{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
     const Ray ray{{0.2f, 0.2f, 1}, {0, 0, -1}};

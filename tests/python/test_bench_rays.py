@@ -110,6 +110,23 @@ class TestBenchRays:
         assert {row["scene"] for row in rows(folder)} == {"room", "other"}
 
 
+def test_what_is_left_out_is_said(command: Command, tmp_path: Path) -> None:
+    """Spheres, what is in shape groups, and the kind of rays that no near plane gives away."""
+    group = '<shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/></shape>'
+    film = '<film type="hdrfilm"><integer name="width" value="1"/><integer name="height" value="1"/></film>'
+    shapes = f'<shape type="cube"/><shape type="sphere"/>{group}<emitter type="constant"/>'
+    (tmp_path / "odd.xml").write_text(
+        f'<scene version="3.0.0"><integrator type="path"/><sensor type="distant">{film}</sensor>{shapes}</scene>'
+    )
+    result = command("bench", "rays", "odd.xml", "--resolution", "1", "--spp", "8", "--specs", "kd", "--out", "out")
+    assert result.returncode == 0, result.stderr
+    said = " ".join(result.stderr.split())
+    assert "odd: these shapes are no triangle meshes, so they are left out here: 1 Sphere" in said
+    assert "odd: what is in shape groups is left out here" in said
+    assert "camera rays of a DistantSensor" in said and "cannot be told apart" in said
+    assert "odd, 12 triangles:" in result.stdout and "camera rays" not in result.stdout
+
+
 def test_a_changed_stream_file_is_refused(room: Path, command: Command, tmp_path: Path) -> None:
     command("bench", "rays", room, "--resolution", "8", "--specs", "kd", "--out", "out")
     file = tmp_path / "out" / "streams" / "room.npz"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_bsp.calibration import SPECS, Measurements, calibration_tables, fit, measurements
-from mitsuba_bsp.intervals import median_interval
+from mitsuba_bsp.intervals import mean_of_medians, median_interval
 from mitsuba_bsp.spec import parse_spec
 
 PRICES = np.array([5.0, 7.0, 1.5])
@@ -85,3 +85,10 @@ def test_median_interval() -> None:
     found = median_interval([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 70.0])
     assert found.value == 4 and 1 <= found.low < 4 < found.high <= 70
     assert str(median_interval([2.0])) == "2.00 [2.00, 2.00]"
+
+
+def test_a_mean_of_medians_is_as_uncertain_as_its_parts() -> None:
+    sure, unsure = [4.0, 4.0, 4.0], [0.5, 1.0, 1.0, 1.0, 2.0]
+    found = mean_of_medians([sure, unsure])
+    assert found.value == pytest.approx(2) and found.low == pytest.approx(2 / 2**0.5) and found.high < 2 * 2**0.5 + 1e-9
+    assert str(mean_of_medians([sure, sure])) == "4.00 [4.00, 4.00]"

@@ -278,8 +278,8 @@ def test_the_tables_show_what_was_measured(workers: Workers, options: Options) -
         title for n in ("room", "garden") for title in (f"{n}: 1,234 triangles, 8x6, 4 spp", f"{n}: images")
     ]
     times = {row[0]: row[1:] for row in tables[0].rows}
-    assert times["kd"] == ("0.250", "0.500", "0.0%", "4.00", "4.0", "2.5", "0.0k", "0.1k", "2.0")
-    assert times["embree"] == ("-",) * 9
+    assert times["kd"] == ("0.250", "0.500", "0.0%", "4.00 [4.00, 4.00]", "-", "4.0", "2.5", "0.0k", "0.1k", "2.0")
+    assert times["embree"] == ("-",) * 10
     images = {row[0]: row[1:] for row in tables[1].rows}
     assert images["kd"][0] == "(the reference)"
     assert images["normals"] == ("identical to kd", "as kd", "as kd")

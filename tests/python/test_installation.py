@@ -28,6 +28,14 @@ def test_no_mitsuba_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         installation.check_mitsuba()
 
 
+def test_a_processor_without_avx2_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    installation.check_processor()
+    flags = " ".join(installation.PROCESSOR_FEATURES - {"avx2", "fma"})
+    monkeypatch.setattr(installation, "cpuinfo", lambda: {"flags": flags})
+    with pytest.raises(ImportError, match=r"needs a processor with AVX2 .*, but this one has no avx2, fma$"):
+        installation.check_processor()
+
+
 def test_a_missing_extension_is_one_sentence() -> None:
     code = "import sys; sys.modules['mitsuba_bsp._core'] = None; import mitsuba_bsp"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
