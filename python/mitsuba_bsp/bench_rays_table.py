@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from statistics import median
+from statistics import fmean, median
 
 from .comparison import SceneInfo
 from .records import Record, ResultsFolder, of
@@ -13,6 +13,9 @@ from .streams import KINDS
 from .text_table import TextTable
 
 _TIME = "ns_per_ray"
+
+#: Of camera and bounce rays together.
+_CLOSEST = "closest-hit"
 
 _HEAD = (
     "spec",
@@ -33,7 +36,8 @@ LEGEND = (
     "them, where users may: of the last level on Intel, of the second on AMD. `x native` is native's time over this "
     "one, the median of the repetitions with its 95 % bootstrap interval; `x embree` likewise. `differ` counts the "
     "rays that hit where the first of our trees misses or the other way round, or hit at a t that differs by more than "
-    "1e-4 of it. Geometric means have the interval that repeating all scenes anew would give."
+    "1e-4 of it. Closest-hit rays are camera and bounce rays as the frame has them. Geometric means have the interval "
+    "that repeating all scenes anew would give."
 )
 
 NO_MISSES = "cache misses are not counted: this machine does not let its users count them"
@@ -49,7 +53,8 @@ def make_ray_tables(scenes: Sequence[SceneInfo], options: RayOptions, folder: Re
         if (rows := of(replays[scene.name], stream=kind))
     ]
     finished = [rows for rows in replays.values() if rows]
-    return [*tables, _means_table(options, finished)] if len(finished) > 1 else tables
+    means = [_means_table(options, finished, baseline) for baseline in BASELINES if baseline in _names(options)]
+    return [*tables, *means] if len(finished) > 1 else tables
 
 
 def _stream_table(scene: SceneInfo, options: RayOptions, rows: Sequence[Record]) -> TextTable:
@@ -85,17 +90,36 @@ def _per_ray(total: float | None, rays: int, form: str) -> str:
     return NONE if total is None else format(total / rays, form)
 
 
-def _means_table(options: RayOptions, replays: Sequence[Sequence[Record]]) -> TextTable:
-    """Speed against the baselines, one column a stream, geometric means over scenes."""
-    columns = [(kind, baseline) for kind in KINDS for baseline in BASELINES]
+def _names(options: RayOptions) -> list[str]:
+    return [spec.text for spec in options.specs]
 
-    def mean(spec: str, kind: str, baseline: str) -> str:
-        return mean_speed(
-            [ratios(of(rows, spec=spec, stream=kind), of(rows, stream=kind), baseline, _TIME) for rows in replays]
-        )
 
+def _means_table(options: RayOptions, replays: Sequence[Sequence[Record]], baseline: str) -> TextTable:
+    """Speed against a baseline, geometric means over scenes, one column a stream and one of all closest-hit rays."""
+
+    def mean(spec: str, kind: str) -> str:
+        found = [closest_hits(rows) if kind == _CLOSEST else of(rows, stream=kind) for rows in replays]
+        return mean_speed([ratios(of(rows, spec=spec), rows, baseline, _TIME) for rows in found])
+
+    kinds = (_CLOSEST, *KINDS)
     return TextTable(
-        f"geometric means over {len(replays)} scenes",
-        ("spec", *(f"{kind} x {baseline}" for kind, baseline in columns)),
-        tuple((spec.text, *(mean(spec.text, *column) for column in columns)) for spec in options.specs),
+        f"geometric means over {len(replays)} scenes, x {baseline}",
+        ("spec", *kinds),
+        tuple((name, *(mean(name, kind) for kind in kinds)) for name in _names(options)),
     )
+
+
+def closest_hits(rows: Sequence[Record]) -> list[Record]:
+    """Runs of camera and bounce rays as one: nanoseconds of the mean ray, in the proportion that the frame has."""
+    parts: dict[tuple[str, int], list[Record]] = {}
+    for row in rows:
+        if row["stream"] != "shadow":
+            parts.setdefault((row["spec"], row["repeat"]), []).append(row)
+    return [
+        {
+            "spec": spec,
+            "repeat": repeat,
+            _TIME: fmean([run[_TIME] for run in runs], [run["recorded_rays"] for run in runs]),
+        }
+        for (spec, repeat), runs in parts.items()
+    ]

@@ -13,6 +13,7 @@ import pytest
 from conftest import error_line, scene_xml
 
 from mitsuba_bsp import calibrate_cli, cli, scheduling
+from mitsuba_bsp.bench_rays_table import closest_hits
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
 from mitsuba_bsp.streams import is_recorded, load
 
@@ -108,6 +109,17 @@ class TestBenchRays:
             cli.main(["bench", "rays", str(room), str(other), *words])
         assert caught.value.code == 0
         assert {row["scene"] for row in rows(folder)} == {"room", "other"}
+
+
+def test_closest_hit_rays_are_camera_and_bounce_rays_as_the_frame_has_them() -> None:
+    runs = [("camera", 10.0, 100), ("shadow", 99.0, 100), ("bounce", 40.0, 300)]
+    rows = [
+        {"spec": "kd", "repeat": repeat, "stream": stream, "ns_per_ray": ns + repeat, "recorded_rays": rays}
+        for repeat in (0, 1)
+        for stream, ns, rays in runs
+    ]
+    found = closest_hits(rows)
+    assert [(row["repeat"], row["ns_per_ray"]) for row in found] == [(0, 32.5), (1, 33.5)]
 
 
 def test_what_is_left_out_is_said(command: Command, tmp_path: Path) -> None:
