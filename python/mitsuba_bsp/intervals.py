@@ -30,11 +30,6 @@ def median_interval(values: Sequence[float]) -> Interval:
     return _interval(np.median, values)
 
 
-def ratio_of_medians(above: Sequence[float], below: Sequence[float]) -> Interval:
-    """The same for a ratio of medians of two measurements that were repeated together."""
-    return _interval(_ratio, above, below, paired=True)
-
-
 def mean_of_medians(samples: Sequence[Sequence[float]]) -> Interval:
     """The same for the geometric mean of the medians of measurements that were repeated on their own."""
     return _interval(_mean, *samples)
@@ -44,13 +39,7 @@ def _mean(*samples: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
     return np.exp(sum(np.log(np.median(sample, axis=axis)) for sample in samples) / len(samples))
 
 
-def _ratio(above: NDArray[np.float64], below: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
-    return np.median(above, axis=axis) / np.median(below, axis=axis)
-
-
-def _interval(
-    statistic: Callable[..., NDArray[np.float64]], *samples: Sequence[float], paired: bool = False
-) -> Interval:
+def _interval(statistic: Callable[..., NDArray[np.float64]], *samples: Sequence[float]) -> Interval:
     from scipy.stats import bootstrap
 
     data = tuple(np.asarray(sample, float) for sample in samples)
@@ -63,7 +52,6 @@ def _interval(
         n_resamples=_RESAMPLES,
         confidence_level=CONFIDENCE,
         method="percentile",
-        paired=paired,
         rng=np.random.default_rng(_SEED),
     ).confidence_interval
     return Interval(value, float(found.low), float(found.high))

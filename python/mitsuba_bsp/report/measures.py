@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from operator import itemgetter
 from statistics import median
 
-from ..intervals import Interval, median_interval, ratio_of_medians
+from ..intervals import Interval, median_interval
 from ..outcomes import Outcome
 from ..records import Record, of
 from ..spec import names, parse_spec
@@ -20,7 +20,7 @@ _Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
 class Measure:
     """What was timed in one scene: seconds (of rays: nanoseconds) of every accelerator, by its repetitions.
 
-    A speed is what the tables of its command say: the median of the ratios of repetitions, or a ratio of medians.
+    A speed is the median of the ratios of repetitions, as in all tables.
     """
 
     scene: str
@@ -28,7 +28,6 @@ class Measure:
     run: str  #: the name of its results folder
     unit: str
     times: Mapping[str, Mapping[int, float]]
-    of_medians: bool = False
 
     @property
     def is_build(self) -> bool:
@@ -53,8 +52,6 @@ class Measure:
         mine, theirs = ([self.times[name][repeat] for repeat in repeats] for name in (spec, over))
         if not repeats:
             return None
-        if self.of_medians:
-            return ratio_of_medians(theirs, mine)
         return median_interval([other / own for own, other in zip(mine, theirs, strict=True)])
 
     def leads(self, spec: str, over: str) -> bool:
@@ -78,9 +75,7 @@ def measures(outcome: Outcome) -> Iterator[Measure]:
         for scene in outcome.scenes:
             times = select(of(rows, scene=scene.name))
             if times:
-                yield Measure(
-                    scene.name, what, outcome.folder.path.name, unit, times, of_medians=outcome.command == "compare"
-                )
+                yield Measure(scene.name, what, outcome.folder.path.name, unit, times)
 
 
 def _competes(text: str) -> bool:
