@@ -30,14 +30,23 @@ public:
     CacheMisses(const CacheMisses &) = delete;
     CacheMisses &operator=(const CacheMisses &) = delete;
 
-    /// Of all the time, also where several events took turns on the counter.
-    std::optional<std::uint64_t> read() const {
-        struct {
-            std::uint64_t count, enabled, running;
-        } found{};
-        if (m_file < 0 || ::read(m_file, &found, sizeof found) != sizeof found || found.running == 0)
+    /// Misses since `before`, of all that time, also where several events took turns on the counter.
+    struct Reading {
+        std::uint64_t count = 0, enabled = 0, running = 0;
+
+        std::optional<std::uint64_t> since(const Reading &before) const {
+            const double part = double(running - before.running);
+            if (!(part > 0))
+                return {};
+            return std::uint64_t(double(count - before.count) * (double(enabled - before.enabled) / part));
+        }
+    };
+
+    std::optional<Reading> read() const {
+        Reading found;
+        if (m_file < 0 || ::read(m_file, &found, sizeof found) != sizeof found)
             return {};
-        return std::uint64_t(double(found.count) * double(found.enabled) / double(found.running));
+        return found;
     }
 
 private:

@@ -54,7 +54,7 @@ template <typename Trace> nb::tuple replay(const RayArrays &rays, const Trace &t
         elapsed = std::chrono::steady_clock::now() - start;
         busy_s = thread_seconds() - busy_before;
         if (const auto after = counted.read(); before && after)
-            misses = *after - *before;
+            misses = after->since(*before);
         [[maybe_unused]] volatile float used = sum; // or the compiler could leave the work out
     }
     nb::object counted = misses ? nb::object(nb::int_(*misses)) : nb::object(nb::none());

@@ -96,12 +96,12 @@ std::pair<ReferenceList, ReferenceList> split_references(const ReferenceList &re
     const double offset = plane.offset, lowest = offset - plane.tolerance, highest = offset + plane.tolerance;
     std::pair<ReferenceList, ReferenceList> sides;
     auto &[below, above] = sides;
-    // Each side has polygons like those of both, and one corner more for each that is cut; a sixteenth is for luck.
+    // Each side has polygons like those of both, and a corner more where one is cut; what is added is for luck.
     const std::size_t size = std::max<std::size_t>(1, references.size());
     const std::size_t cut = plane.below + plane.above - std::min<std::size_t>(size, plane.below + plane.above);
     const double corners = 17.0 / 16 * double(references.vertices.size()) / double(size);
-    below.reserve(plane.below, std::size_t(corners * plane.below) + cut);
-    above.reserve(plane.above, std::size_t(corners * plane.above) + cut);
+    below.reserve(plane.below, std::size_t(corners * plane.below) + cut + 2);
+    above.reserve(plane.above, std::size_t(corners * plane.above) + cut + 2);
     PolygonSplitter splitter(direction, offset);
     for (std::size_t i = 0; i < references.size(); ++i) {
         const auto [low, high] = references.extent(i, direction);

@@ -53,7 +53,8 @@ def make_ray_tables(scenes: Sequence[SceneInfo], options: RayOptions, folder: Re
         if (rows := of(replays[scene.name], stream=kind))
     ]
     finished = [rows for rows in replays.values() if rows]
-    means = [_means_table(options, finished, baseline) for baseline in BASELINES if baseline in _names(options)]
+    asked = {spec.name for spec in options.specs}
+    means = [_means_table(options, finished, baseline) for baseline in BASELINES if baseline in asked]
     return [*tables, *means] if len(finished) > 1 else tables
 
 
@@ -90,10 +91,6 @@ def _per_ray(total: float | None, rays: int, form: str) -> str:
     return NONE if total is None else format(total / rays, form)
 
 
-def _names(options: RayOptions) -> list[str]:
-    return [spec.text for spec in options.specs]
-
-
 def _means_table(options: RayOptions, replays: Sequence[Sequence[Record]], baseline: str) -> TextTable:
     """Speed against a baseline, geometric means over scenes, one column a stream and one of all closest-hit rays."""
 
@@ -105,7 +102,7 @@ def _means_table(options: RayOptions, replays: Sequence[Sequence[Record]], basel
     return TextTable(
         f"geometric means over {len(replays)} scenes, x {baseline}",
         ("spec", *kinds),
-        tuple((name, *(mean(name, kind) for kind in kinds)) for name in _names(options)),
+        tuple((spec.text, *(mean(spec.text, kind) for kind in kinds)) for spec in options.specs),
     )
 
 

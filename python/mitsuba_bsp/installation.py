@@ -33,7 +33,7 @@ def check_processor() -> None:
     missing = sorted(PROCESSOR_FEATURES - set(cpuinfo().get("flags", "").split()))
     if missing:
         raise ImportError(
-            f"mitsuba_bsp needs a processor with AVX2 (Intel since 2013, AMD since 2015), but this one has no "
+            f"mitsuba_bsp needs a processor with AVX2 (Intel Core since 2013, AMD since 2015), but this one has no "
             f"{', '.join(missing)}"
         )
 

@@ -32,7 +32,7 @@ def median_interval(values: Sequence[float]) -> Interval:
 
 def mean_of_medians(samples: Sequence[Sequence[float]]) -> Interval:
     """The same for the geometric mean of the medians of measurements that were repeated on their own."""
-    return _interval(_mean, *samples)
+    return _interval(_mean, *(sample if len(sample) > 1 else [*sample, *sample] for sample in samples))
 
 
 def _mean(*samples: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from .asked import begin
 from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .jobs import Job
-from .preflight import preflight_of_triangles
+from .preflight import preflight
 from .records import Record, ResultsFolder, append
 from .scheduling import Local, Scheduler
 
@@ -37,7 +37,7 @@ def measure_scenes(
     """
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener, scheduler or Local())
-    scenes = preflight_of_triangles(options, attempts)
+    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in")
     begin(folder, options, scenes)
     todo = [scene for scene in scenes if not newest(folder, options, scene)]
     listener.start(scenes, len(scenes), len(scenes) - len(todo))

@@ -15,17 +15,22 @@ from .spec import BRUTE_MAX_TRIANGLES, Spec
 
 
 def preflight(
-    options: Options, attempts: Attempts, images: bool = True, meshes_to: str | None = None
+    options: Options,
+    attempts: Attempts,
+    images: bool = True,
+    meshes_to: str | None = None,
+    only_meshes: bool = False,
 ) -> list[SceneInfo]:
     """Load every scene in a child process and check it against the options and what the folder already holds.
 
     The user is told what he should know, also about `images` if they matter. `meshes_to` is what triangle meshes are
-    needed for, if they are. ValueError, in one sentence, for anything wrong.
+    needed for, if they are; `only_meshes`: nothing but the scene's own will be in trees. ValueError, in one sentence,
+    for anything wrong.
     """
     folder, note, machine = attempts.folder, attempts.note, attempts.scheduler.machine
     named = list(_named(options.scenes))
     folder.check_writable()
-    scenes = [_inspect(options, name, path, note) for name, path in named]
+    scenes = [_inspect(options, name, path, note, only_meshes) for name, path in named]
     spec_full = {spec.text: spec.full for spec in options.specs}
     for scene in scenes:
         if images:
@@ -35,15 +40,6 @@ def preflight(
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to {meshes_to}")
         earlier = [*folder.records(), *folder.counted().values()]
         check_context(earlier, scene.name, spec_full, context(options, scene, machine))
-    return scenes
-
-
-def preflight_of_triangles(options: Options, attempts: Attempts) -> list[SceneInfo]:
-    """The same for rays that are traced in the triangles of the scene itself and nothing else."""
-    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in")
-    for scene in scenes:
-        for text in left_out(scene.content):
-            attempts.note(f"{scene.name}: {text}")
     return scenes
 
 
@@ -59,14 +55,15 @@ def _named(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
     yield from seen.items()
 
 
-def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None]) -> SceneInfo:
+def _inspect(options: Options, name: str, path: Path, note: Callable[[str], None], only_meshes: bool) -> SceneInfo:
     """Load a scene in a child process; ValueError if that fails."""
     try:
         result = run_job(options.job("inspect", path))
     except JobError as error:
         raise ValueError(str(error)) from None
     scene = SceneInfo(name, path, **{**result.values, "content": Content(**result.values["content"])})
-    for text in [*notes(scene.content, [spec.name for spec in options.specs]), *result.warnings]:
+    names = [spec.name for spec in options.specs]
+    for text in [*(left_out(scene.content) if only_meshes else notes(scene.content, names)), *result.warnings]:
         note(f"{name}: {text}")
     return scene
 

@@ -39,7 +39,7 @@ def record(job: Job, stage: Stage) -> dict[str, Any]:
     sensor = scene.sensors()[0]
     if not can_tell_camera_rays(sensor):
         name = sensor.class_name()
-        mi.Log(mi.LogLevel.Warn, f"the camera rays of a {name} cannot be told apart, so they are bounce rays here")
+        mi.Log(mi.LogLevel.Warn, f"camera rays of the sensor {name} cannot be told apart, so they are bounce rays here")
     streams = split(rays, sensor, job.max_rays)
     save(target, streams, job.header)
     return {"counters": statistics(scene)["counters"]}

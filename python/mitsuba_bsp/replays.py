@@ -16,7 +16,7 @@ from .attempts import Attempt, Attempts
 from .comparison import Failure, Listener, Options, SceneInfo, context
 from .jobs import JobResult
 from .machine import available_threads
-from .preflight import preflight_of_triangles
+from .preflight import preflight
 from .records import Record, ResultsFolder, append, newest_run, of
 from .scheduling import Local, Scheduler
 from .streams import is_recorded
@@ -44,7 +44,7 @@ def replay_scenes(
     """
     folder = ResultsFolder(options.out)
     attempts = Attempts(folder, listener, scheduler or Local())
-    scenes = preflight_of_triangles(options, attempts)
+    scenes = preflight(options, attempts, images=False, meshes_to="trace rays in", only_meshes=True)
     begin(folder, options, scenes, "streams")
     todo = [scene for scene in scenes if not newest_replay(folder, options, scene)]
     listener.start(scenes, JOBS_PER_SCENE * len(scenes), JOBS_PER_SCENE * (len(scenes) - len(todo)))

@@ -54,8 +54,9 @@ def notes(content: Content, names: Sequence[str]) -> list[str]:
 def left_out(content: Content) -> list[str]:
     """What is not asked where a measurement takes the triangles of the scene's own accelerator and nothing else."""
     said = []
-    if content.bounded:
-        said.append(f"these shapes are no triangle meshes, so they are left out here: {_listed(content.bounded)}")
+    shapes = {**content.bounded, **content.others}
+    if shapes:
+        said.append(f"these shapes are no triangle meshes, so they are left out here: {_listed(shapes)}")
     if content.shape_groups:
         said.append("what is in shape groups is left out here")
     return said

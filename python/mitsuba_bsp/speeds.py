@@ -20,8 +20,13 @@ def spread(times: Sequence[float]) -> str:
 
 
 def ratios(runs: Sequence[Record], rows: Sequence[Record], baseline: str, time: str) -> list[float]:
-    """The baseline's `time` over this one's, repetition by repetition of those that both have."""
-    times = {row["repeat"]: row[time] for row in of(rows, spec=baseline)}
+    """The baseline's `time` over this one's, repetition by repetition of those that both have.
+
+    With settings of its own it is the baseline too, unless it is there without any.
+    """
+    names = dict.fromkeys(row["spec"] for row in rows if row["spec"].partition(":")[0] == baseline)
+    text = baseline if baseline in names else next(iter(names), None)
+    times = {row["repeat"]: row[time] for row in of(rows, spec=text)}
     return [times[run["repeat"]] / run[time] for run in runs if run["repeat"] in times]
 
 

@@ -102,8 +102,8 @@ def _verdicts(scenes: Sequence[_Scene], spp: int) -> TextTable:
         best = scene.best(spp)
         ratios = [scene.ratio(AUTO, best, spp) if best else None, *(scene.ratio(AUTO, o, spp) for o in others)]
         found.append(ratios)
-        chosen = shortest(scene.runs(AUTO, spp)[0]["chosen"])
-        rows.append((scene.info.name, chosen, best or NONE, *map(_number, ratios)))
+        chosen = scene.runs(AUTO, spp)[0]["chosen"]  # None where several accelerators have chosen
+        rows.append((scene.info.name, shortest(chosen) if chosen else NONE, best or NONE, *map(_number, ratios)))
     columns = list(zip(*found, strict=True))
     means = [geometric_mean(column) if None not in column else None for column in columns]
     worst = [max(column) if None not in column else None for column in columns]

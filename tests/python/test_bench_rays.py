@@ -15,6 +15,7 @@ from conftest import error_line, scene_xml
 from mitsuba_bsp import calibrate_cli, cli, scheduling
 from mitsuba_bsp.bench_rays_table import closest_hits
 from mitsuba_bsp.jobs import Job, JobError, JobResult, run_job
+from mitsuba_bsp.speeds import ratios
 from mitsuba_bsp.streams import is_recorded, load
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -135,8 +136,21 @@ def test_what_is_left_out_is_said(command: Command, tmp_path: Path) -> None:
     said = " ".join(result.stderr.split())
     assert "odd: these shapes are no triangle meshes, so they are left out here: 1 Sphere" in said
     assert "odd: what is in shape groups is left out here" in said
-    assert "camera rays of a DistantSensor" in said and "cannot be told apart" in said
+    assert "camera rays of the sensor DistantSensor" in said and "cannot be told apart" in said
+    assert "accelerator of its own" not in said
     assert "odd, 12 triangles:" in result.stdout and "camera rays" not in result.stdout
+    whole = command("bench", "render", "odd.xml", "--resolution", "1", "--spp", "8", "--specs", "kd", "--out", "frames")
+    assert whole.returncode == 0, whole.stderr
+    assert "left out" not in whole.stderr and "accelerator of its own" in " ".join(whole.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("texts", "found"), [(["native:kd_stop_prims=4"], [4.0]), (["native:kd_stop_prims=4", "native"], [2.0])]
+)
+def test_a_baseline_with_settings_is_one_if_there_is_no_other(texts: list[str], found: list[float]) -> None:
+    rows = [{"spec": text, "repeat": 0, "s": 4.0 / (place + 1)} for place, text in enumerate(texts)]
+    own = {"spec": "kd", "repeat": 0, "s": 1.0}
+    assert ratios([own, {**own, "repeat": 1}], [*rows, own], "native", "s") == found
 
 
 def test_a_changed_stream_file_is_refused(room: Path, command: Command, tmp_path: Path) -> None:
