@@ -71,6 +71,7 @@ def _front_figure(runs: Runs) -> Figure:
                 panel.plot(x, speed, **_look(spec_of(tree)))
             if failures == 0:
                 panel.annotate("", (x / 2.2, speed), (x, speed), arrowprops={"arrowstyle": "->", "color": GUIDE})
+                panel.update_datalim([(x / 2.2, speed)])  # which arrows do not, so that they would be cut off
         best = front(shown)
         xs, ys = zip(*(shown[tree] for tree in best), strict=True) if best else ((), ())
         panel.step(xs, ys, where="post", color="0.3", linewidth=1, linestyle="--", zorder=1)
