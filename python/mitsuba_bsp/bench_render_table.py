@@ -18,8 +18,8 @@ _LEGEND = (
     "Times are medians of {time}, shading included; the spread is half the range of all repetitions. `x native` is "
     "native's time over this one, the median of the repetitions with its 95 % bootstrap interval; `x embree` likewise. "
     "`image` says whether the image is that of the first of our trees (`reference`) bit for bit, or as different as "
-    "rounding makes it, or biased. Geometric means have the interval that repeating all scenes anew "
-    "would give."
+    "rounding makes it, or biased. Geometric means have the interval that repeating all scenes anew would "
+    "give."
 )
 
 _FREE_LEGEND = (

@@ -1,4 +1,4 @@
-"""Tables of a comparison, one pair a scene: times and trees, and what happened to the image."""
+"""Tables of a comparison, three a scene: times, trees, and what happened to the image."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from .speeds import BASELINES, NONE, ratios, speed, spread
 from .text_table import TextTable
 
 _SPEEDS = tuple(f"x {baseline}" for baseline in BASELINES)
-_TIMES = ("spec", "build s", "render s", "spread", *_SPEEDS, "steps/ray", "tests/ray", "nodes", "refs", "MB")
+_TIMES = ("spec", "build s", "render s", "spread", *_SPEEDS)
+_TREES = ("spec", "steps/ray", "tests/ray", "nodes", "refs", "MB")
 _IMAGES = ("spec", "our trees", "against native", "against embree")
 
 LEGEND = (
@@ -42,6 +43,7 @@ def _scene_tables(scene: SceneInfo, specs: Sequence[Spec], records: Sequence[Rec
             _TIMES,
             tuple((spec.text, *_time_cells(runs[spec.text], rows)) for spec in specs),
         ),
+        TextTable(f"{scene.name}: trees", _TREES, tuple((spec.text, *_tree_cells(runs[spec.text])) for spec in specs)),
         TextTable(
             f"{scene.name}: images",
             _IMAGES,
@@ -55,13 +57,20 @@ def _time_cells(runs: Sequence[Record], rows: Sequence[Record]) -> tuple[str, ..
     if not runs:
         return (NONE,) * (len(_TIMES) - 1)
     seconds = [run["render_s"] for run in runs]
-    stats = runs[0]["statistics"]
     loaded = any(run["statistics"].get("loaded") for run in runs)
     return (
         f"{median(run['build_s'] for run in runs):.3f}{' loaded' * loaded}",
         f"{median(seconds):.3f}",
         spread(seconds),
         *(speed(ratios(runs, rows, baseline, "render_s")) for baseline in BASELINES),
+    )
+
+
+def _tree_cells(runs: Sequence[Record]) -> tuple[str, ...]:
+    if not runs:
+        return (NONE,) * (len(_TREES) - 1)
+    stats = runs[0]["statistics"]
+    return (
         _number(runs[0]["interior_steps_per_ray"], ".1f"),
         _number(runs[0]["triangle_tests_per_ray"], ".1f"),
         _thousands(stats.get("nodes")),

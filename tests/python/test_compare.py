@@ -275,12 +275,16 @@ def test_the_tables_show_what_was_measured(workers: Workers, options: Options) -
     scenes, _ = compare(options, Listener())
     tables = make_tables(scenes, options, ResultsFolder(options.out))
     assert [table.title for table in tables] == [
-        title for n in ("room", "garden") for title in (f"{n}: 1,234 triangles, 8x6, 4 spp", f"{n}: images")
+        title
+        for n in ("room", "garden")
+        for title in (f"{n}: 1,234 triangles, 8x6, 4 spp", f"{n}: trees", f"{n}: images")
     ]
     times = {row[0]: row[1:] for row in tables[0].rows}
-    assert times["kd"] == ("0.250", "0.500", "0.0%", "4.00 [4.00, 4.00]", "-", "4.0", "2.5", "0.0k", "0.1k", "2.0")
-    assert times["embree"] == ("-",) * 10
-    images = {row[0]: row[1:] for row in tables[1].rows}
+    assert times["kd"] == ("0.250", "0.500", "0.0%", "4.00 [4.00, 4.00]", "-")
+    assert times["embree"] == ("-",) * 5
+    trees = {row[0]: row[1:] for row in tables[1].rows}
+    assert trees["kd"] == ("4.0", "2.5", "0.0k", "0.1k", "2.0") and trees["embree"] == ("-",) * 5
+    images = {row[0]: row[1:] for row in tables[2].rows}
     assert images["kd"][0] == "(the reference)"
     assert images["normals"] == ("identical to kd", "as kd", "as kd")
     assert "BIAS" in images["kd"][1]
@@ -302,6 +306,6 @@ def test_an_image_that_does_not_repeat_is_pointed_out(workers: Workers, options:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scheduling, "run_job", unstable)
         scenes, _ = compare(options, Listener())
-    images = {row[0]: row[1] for row in make_tables(scenes, options, ResultsFolder(options.out))[1].rows}
+    images = {row[0]: row[1] for row in make_tables(scenes, options, ResultsFolder(options.out))[2].rows}
     assert "NOT REPEATABLE" in images["kd"]
     assert "NOT REPEATABLE" not in images["normals"]
