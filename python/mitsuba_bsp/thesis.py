@@ -77,7 +77,7 @@ PUBLISHED: Mapping[str, Mapping[str, Published]] = {
 }
 
 #: Its render times by number of directions, axes `fast`, in percent of the kd-tree's: feet, sponza, conference.
-PUBLISHED_BY_K: Mapping[str, Mapping[int, tuple[float, float, float]]] = {
+_PUBLISHED_BY_K = {
     "normals": {
         3: (101.5, 95.2, 97.2), 4: (72.1, 83.3, 79.2), 6: (67.7, 80.4, 78.6), 8: (67.0, 80.0, 80.7),
         10: (67.1, 83.7, 80.2),
@@ -92,8 +92,20 @@ PUBLISHED_BY_K: Mapping[str, Mapping[int, tuple[float, float, float]]] = {
     },
 }  # fmt: skip
 
-#: The scenes of PUBLISHED_BY_K, in its order.
-SCENES_BY_K = ("feet", "sponza", "conference")
+#: Every published render time of a tree with a number of directions, by scene and `name:k=K,axes=POLICY`, in percent of
+#: the kd-tree's: to a tenth where its table by k has it, else as in PUBLISHED.
+PUBLISHED_RENDER: Mapping[str, Mapping[str, float]] = {
+    scene: {
+        **{tree: row[0] for tree, row in zip(PUBLISHED_TREES, rows, strict=True) if "k=" in tree},
+        **{
+            f"{name}:k={k},axes=fast": times[place]
+            for name, by_k in _PUBLISHED_BY_K.items()
+            for k, times in by_k.items()
+            if place < len(times)
+        },
+    }
+    for place, (scene, rows) in enumerate(_PUBLISHED.items())
+}
 
 #: Its scenes, in thousands of triangles.
 PUBLISHED_TRIANGLES = {"feet": 33, "sponza": 227, "conference": 124, "museum": 1460}

@@ -17,7 +17,7 @@ from mitsuba_bsp.studies.claim_list import ALIGNMENT, CLAIMS
 from mitsuba_bsp.studies.comparison import Findings, as_measured
 from mitsuba_bsp.studies.cost import RULES, prices
 from mitsuba_bsp.studies.runs import RENDER, Runs
-from mitsuba_bsp.thesis import PUBLISHED, PUBLISHED_BY_K, PUBLISHED_TREES, published_scene
+from mitsuba_bsp.thesis import PUBLISHED, PUBLISHED_RENDER, PUBLISHED_TREES, published_scene
 
 
 @pytest.fixture
@@ -58,9 +58,23 @@ class TestDirections:
         assert found[2].startswith("51.2 [5") and found[4] == "less"
 
     def test_beside_the_published(self, out: Path) -> None:
-        assert row(out, "percent of kd, beside", "normals, axes fast, binary") == [
+        title = "percent of kd, beside the thesis's (feet has other triangles)"
+        assert row(out, title, "normals, axes fast, binary") == [
             "normals, axes fast, binary", "4", "51.2", "72.1",
         ]  # fmt: skip
+
+    def test_a_scene_that_stands_in_is_beside_its_own(self, out: Path) -> None:
+        """Of the museum, only one k of each tree was published."""
+        other = {"scene": "sanmiguel", "tree": "normals:k=6,axes=fast,layout=binary"}
+        own = ResultsFolder(out).records()
+        rows = [{**row, "scene": "sanmiguel"} for row in own if row["tree"].startswith("kd")]
+        rows += [{**row, **other} for row in own if row["tree"].startswith("normals:k=4")]
+        found = next(t for t in STUDIES["directions"].tables([*own, *rows]) if t.title.startswith("percent of kd"))
+        assert found.title.endswith("(feet has other triangles; sanmiguel stands in for museum)")
+        assert found.rows == (
+            ("normals, axes fast, binary", "4", "51.2", "72.1", "-", "-"),
+            ("normals, axes fast, binary", "6", "-", "67.7", "51.2", "63"),
+        )
 
     def test_a_plan_is_complete(self) -> None:
         own = STUDIES["directions"]
@@ -270,7 +284,13 @@ def test_published_numbers() -> None:
     assert all(set(rows) == {f"{tree},cost=thesis" for tree in PUBLISHED_TREES} for rows in PUBLISHED.values())
     own = PUBLISHED["museum"]["rbsp:k=13,axes=plain,cost=thesis"]
     assert (own.render, own.build, own.tests, own.steps) == (482, 250, 1376, 109)
-    assert PUBLISHED_BY_K["random"][4] == (92.3, 90.9, 92.7)
+    by_scene = [
+        PUBLISHED_RENDER[scene].get("random:k=4,axes=fast") for scene in ("feet", "sponza", "conference", "museum")
+    ]
+    assert by_scene == [92.3, 90.9, 92.7, None]
+    assert PUBLISHED_RENDER["feet"]["normals:k=6,axes=fast"] == 67.7
+    assert PUBLISHED_RENDER["museum"]["rbsp:k=13,axes=plain"] == 482
+    assert "ize:axes=fast" not in PUBLISHED_RENDER["feet"]
     assert published_scene("feet", 33_264) == ("feet", True)
     assert published_scene("conference", 69_047) == ("conference", False)
     assert published_scene("sanmiguel", 1_460_000) == ("museum", False)

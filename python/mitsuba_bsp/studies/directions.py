@@ -18,7 +18,7 @@ from ..records import Record, ResultsFolder
 from ..spec import parse_spec, spec_text
 from ..speeds import BASELINES, NONE
 from ..text_table import TextTable
-from ..thesis import PUBLISHED_BY_K, SCENES_BY_K
+from ..thesis import PUBLISHED_RENDER, published_scene
 from .runs import RENDER, Runs, spec_of
 from .study import Cell, Study, StudyOptions
 from .verdicts import percent
@@ -184,29 +184,30 @@ def _best_table(runs: Runs, scene: str, found: dict[Curve, dict[int, str]], nois
 
 
 def _published_table(runs: Runs, found: dict[Curve, dict[int, str]]) -> TextTable | None:
-    """Ours beside the thesis's, for its scenes."""
-    scenes = [scene for scene in SCENES_BY_K if scene in runs.scenes]
-    rows = [
-        (
-            curve.title,
-            str(k),
-            *(cell for scene in scenes for cell in _beside(runs, scene, tree, curve, k)),
-        )
-        for curve, by_k in found.items()
-        if curve.axes == "fast" and curve.name in PUBLISHED_BY_K
-        for k, tree in by_k.items()
-        if k in PUBLISHED_BY_K[curve.name]
-    ]
-    if not scenes or not rows:
+    """Ours beside the thesis's, for its scenes and those that stand in for one."""
+    scenes = {scene: known for scene in runs.scenes if (known := published_scene(scene, runs.triangles(scene)))}
+    names = [name for name, _ in scenes.values()]
+    rows = []
+    for curve, by_k in found.items():
+        for k, tree in by_k.items():
+            theirs = [PUBLISHED_RENDER[name].get(f"{curve.name}:k={k},axes={curve.axes}") for name in names]
+            if curve.directions == "spiral" or not any(theirs):
+                continue
+            cells = []
+            for scene, other in zip(scenes, theirs, strict=True):
+                ours = runs.effect(scene, tree, baseline(runs, curve.layout), RENDER)
+                cells += [f"{100 * ours.ratio.value:.1f}" if ours else NONE, f"{other:g}" if other else NONE]
+            rows.append((curve.title, str(k), *cells))
+    if not rows:
         return None
+    other = [
+        f"{scene} has other triangles" if name == scene else f"{scene} stands in for {name}"
+        for scene, (name, same) in scenes.items()
+        if not same
+    ]
+    title = "percent of kd, beside the thesis's" + f" ({'; '.join(other)})" * bool(other)
     head = (cell for scene in scenes for cell in (f"{scene} %", "thesis"))
-    return TextTable("percent of kd, beside the thesis's", ("trees", "k", *head), tuple(rows))
-
-
-def _beside(runs: Runs, scene: str, tree: str, curve: Curve, k: int) -> tuple[str, str]:
-    ours = runs.effect(scene, tree, baseline(runs, curve.layout), RENDER)
-    theirs = PUBLISHED_BY_K[curve.name][k][SCENES_BY_K.index(scene)]
-    return (f"{100 * ours.ratio.value:.1f}" if ours else NONE, f"{theirs:g}")
+    return TextTable(title, ("trees", "k", *head), tuple(rows))
 
 
 def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Figure]]:
