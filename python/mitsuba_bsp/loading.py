@@ -71,6 +71,7 @@ class LoadedScene:
             several=self._sum(container.several for container in self.containers),
             shape_groups=len(groups),
             instances=sum(node not in groups for node in references),
+            grouped=sum(container.triangles for container in self.containers[1:]),
         )
 
     @staticmethod

@@ -38,6 +38,10 @@ def preflight(
         _check_brute(options.specs, scene)
         if meshes_to and not scene.triangles:
             raise ValueError(f"{scene.path} has no triangle mesh, so there is nothing to {meshes_to}")
+        if only_meshes and scene.triangles == scene.content.grouped:
+            raise ValueError(
+                f"all triangle meshes of {scene.path} are in shape groups, so there is nothing to {meshes_to}"
+            )
         earlier = [*folder.records(), *folder.counted().values()]
         check_context(earlier, scene.name, spec_full, context(options, scene, machine))
     return scenes

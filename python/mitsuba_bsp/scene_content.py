@@ -11,8 +11,9 @@ class Content:
     """What of a scene is under accelerators, and what is not.
 
     `triangles` and `meshes` are those under any accelerator: that of the scene itself, or that of one of its
-    `shape_groups`, which `instances` show. `bounded` are class names and counts of the other shapes under them,
-    `several` those of more than one primitive, and `others` those that stay with Embree.
+    `shape_groups`, which `instances` show and which have `grouped` of the triangles. `bounded` are class names and
+    counts of the other shapes under them, `several` those of more than one primitive, and `others` those that stay
+    with Embree.
     """
 
     triangles: int
@@ -20,6 +21,7 @@ class Content:
     others: Mapping[str, int]
     shape_groups: int = 0
     instances: int = 0
+    grouped: int = 0
     bounded: Mapping[str, int] = field(default_factory=dict)
     several: Mapping[str, int] = field(default_factory=dict)
 

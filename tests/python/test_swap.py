@@ -141,7 +141,7 @@ class TestDescription:
         group = f'<shape type="shapegroup" id="g">{CUBE}{sphere}</shape>'
         instance = '<shape type="instance"><ref id="g"/></shape>'
         loaded = open_file(write(tmp_path, group, instance, instance, CUBE, sphere))
-        assert loaded.content == Content(24, 2, {}, shape_groups=1, instances=2, bounded={"Sphere": 2})
+        assert loaded.content == Content(24, 2, {}, shape_groups=1, instances=2, grouped=12, bounded={"Sphere": 2})
         assert plugins(loaded, "kd")[2:] == ["shapegroup", "instance", "instance", "bspmember", "bspmember"]
         state = loaded.regrouped(parse_spec("kd"), GroupOptions(record=tmp_path / "rays"))
         (inner,) = [node.props for node in state.nodes if node.props.plugin_name() == "shapegroup"]
