@@ -219,14 +219,20 @@ def test_a_ray_lost_in_a_mitsuba_scene_is_asked_there_again(
         t, triangle, any_hit = lost(scene, rays)
         return np.where(np.arange(len(t)) == np.isfinite(t).argmax(), np.float32(np.inf), t), triangle, any_hit
 
+    def mistaking(scene: object, rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        t, triangle, any_hit = lost(scene, rays)
+        return t, np.where(triangle >= 0, triangle ^ 1, triangle), any_hit
+
     monkeypatch.setattr(checks_wrapper, "answers", losing)
     (unit, *_) = all_checks()["C16"].units(plan(tmp_path))
     (result,) = run([checked(unit)], plan(tmp_path), Silent())
     file = Path(result.failures[0].partition("--replay ")[2])
     assert read_case(file).through == "fast" and replay(file, [], verify_cli.out) == 0
-    assert "normals in a Mitsuba scene: t=" in capsys.readouterr().out
-    monkeypatch.setattr(verification_replay, "answers", losing)
-    assert replay(file, [], verify_cli.out) == 1
+    shown = capsys.readouterr().out
+    assert "normals in a Mitsuba scene: triangle " in shown and " of its part, t=" in shown
+    for wrong in (losing, mistaking):
+        monkeypatch.setattr(verification_replay, "answers", wrong)
+        assert replay(file, [], verify_cli.out) == 1
 
 
 def test_permanent_cases_are_replayed_as_they_are_judged() -> None:

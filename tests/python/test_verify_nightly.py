@@ -30,14 +30,14 @@ from mitsuba_bsp.verification import (
     exactness,
 )
 from mitsuba_bsp.verification.check import Outcome, Plan, all_checks
-from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact, wrong_answers
+from mitsuba_bsp.verification.damaged_files import KINDS, damaged, intact
 from mitsuba_bsp.verification.meshes import Mesh, of_corners, sphere
 from mitsuba_bsp.verification.oracle import brute_force
 from mitsuba_bsp.verification.rays import vertex_rays
 from mitsuba_bsp.verification.runner import Listener, Result, run
 from mitsuba_bsp.verification.sanitizers import MEMCHECK, THREAD, Tool
 from mitsuba_bsp.verification.subjects import chosen_subjects, incumbents
-from mitsuba_bsp.verification.wrapped import group, to_mitsuba
+from mitsuba_bsp.verification.wrapped import answers, group, to_mitsuba, wrong_answers
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -150,11 +150,12 @@ class TestDamagedFiles:
         rays = vertex_rays(mesh, 50, np.random.default_rng(1))
         scene = mi.load_dict({"type": "scene", "group": group(parse_spec("kd"), {"mesh": to_mitsuba(mesh)})})
         right, others = (brute_force(m).closest(*rays, np.full(50, np.inf, np.float32)) for m in (mesh, other))
-        assert not wrong_answers(scene, rays, right).any()
-        assert wrong_answers(scene, rays, others).any()
+        given = answers(scene, rays)
+        assert not wrong_answers(given, right).any()
+        assert wrong_answers(given, others).any()
         hit = right["triangle"] < len(mesh.faces)
         shifted = {**right, "triangle": np.where(hit, right["triangle"] ^ 1, right["triangle"])}
-        assert (wrong_answers(scene, rays, shifted) == hit).all() and hit.sum() > 20
+        assert (wrong_answers(given, shifted) == hit).all() and hit.sum() > 20
 
     def test_damage_is_done_and_is_the_same_again(self) -> None:
         for kind in KINDS:

@@ -10,8 +10,8 @@ import numpy as np
 from ..spec import Spec, parse_spec
 from .check import Failure, Outcome, Plan, Unit, check
 from .meshes import Mesh
-from .oracle import Questions, brute_force
-from .wrapped import KINDS, PLACES, SCENES, answers, box_rays, make_mesh
+from .oracle import Questions, brute_force, found
+from .wrapped import KINDS, PLACES, SCENES, answers, box_rays, first_part, make_mesh, wrong_answers
 
 RAYS = 300_000  #: together
 
@@ -40,14 +40,10 @@ def _lost(plan: Plan, mesh: Mesh, spec: Spec, robust: bool, count: int) -> Outco
         expected = brute_force(mesh).closest(o, d, ends)
     asked = Questions(mesh, "box", plan.seed, o, d, ends, expected)
     through = "robust" if robust else "fast"
-    t, triangle, any_hit = answers(SCENES[through](mesh, spec), (o, d))
-    hit = np.isfinite(expected["t"])
-    half = len(mesh.faces) // 2
-    number = np.where(hit, expected["triangle"].astype(int), -1)
-    wrong = t.view(np.uint32) != expected["t"].view(np.uint32)
-    wrong |= any_hit != hit
-    wrong |= triangle != np.where(number < half, number, number - half)
-    outcome = Outcome(figures={"hits": int(hit.sum()), "lost": int((hit & ~np.isfinite(t)).sum())})
+    given = answers(SCENES[through](mesh, spec), (o, d))
+    wrong = wrong_answers(given, expected, first_part(through, mesh))
+    hit = found(expected)
+    outcome = Outcome(figures={"hits": int(hit.sum()), "lost": int((hit & ~np.isfinite(given[0])).sum())})
     sentence = "answers otherwise in a Mitsuba scene than brute force"
 
     def failure() -> Failure:

@@ -19,9 +19,9 @@ from ..scalar import mitsuba
 from ..spec import parse_spec
 from .checks_fuzz import aimed_rays
 from .meshes import Mesh, soup
-from .oracle import Answers, brute_force, found
-from .rays import Generator, Rays
-from .wrapped import answers, group
+from .oracle import brute_force
+from .rays import Generator
+from .wrapped import answers, group, wrong_answers
 
 KINDS = ("ply-ascii", "ply-binary", "obj")
 TRIANGLES = 40
@@ -148,21 +148,13 @@ def _look_at(file: Path, seed: int, count: int) -> dict[str, Any]:
                 raise
             return {"file": file.name, "loaded": True, "wrong": 0, "rays": 0}
         _say(stage=f"tracing {spec}")
-        wrong += int(wrong_answers(scene, (o, d), expected).sum())
+        wrong += int(wrong_answers(answers(scene, (o, d)), expected).sum())
     return {"file": file.name, "loaded": True, "wrong": wrong, "rays": len(o) * len(SPECS)}
 
 
 def _arrays(shape: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     vertices = np.array(shape.vertex_positions_buffer(), np.float32).reshape(-1, 3)
     return vertices, np.array(shape.faces_buffer(), np.uint32).reshape(-1, 3)
-
-
-def wrong_answers(scene: Any, rays: Rays, expected: Answers) -> NDArray[np.bool_]:
-    """Which rays get another t, another triangle or another answer to any-hit queries than brute force gave."""
-    t, triangle, any_hit = answers(scene, rays)
-    hit = found(expected)
-    wrong = t.view(np.uint32) != expected["t"].view(np.uint32)
-    return wrong | (triangle != np.where(hit, expected["triangle"].astype(int), -1)) | (any_hit != hit)
 
 
 def _is_refused(shape: Any) -> bool:

@@ -11,6 +11,7 @@ from ..loading import load_dict
 from ..scalar import mitsuba
 from ..spec import Spec
 from .meshes import Mesh, boxes, sphere
+from .oracle import Answers, found
 from .rays import Generator, Rays
 
 #: Where the mesh stands; far from the origin of coordinates the padding of its box must grow.
@@ -90,7 +91,7 @@ def box_rays(mesh: Mesh, count: int, rng: Generator, sizes: float | None = None)
 
 def scene_with(mesh: Mesh, spec: Spec, robust: bool, lamps: bool) -> Any:
     """The mesh, in two parts of which one may glow, and another shape, so that Embree has to choose."""
-    half = len(mesh.faces) // 2
+    half = first_part("fast", mesh)
     parts = {
         "a": to_mitsuba(mesh, slice(half)),
         "b": to_mitsuba(mesh, slice(half, None), {"type": "area"} if lamps else None),
@@ -105,6 +106,9 @@ def alone(mesh: Mesh, spec: Spec) -> Any:
     return load_dict({"type": "scene", "mesh": to_mitsuba(mesh)}, spec.text)
 
 
+#: What `answers` gives.
+Given = tuple[np.ndarray, np.ndarray, np.ndarray]
+
 #: Scenes with a mesh under an accelerator, by the names that cases use.
 SCENES: dict[str, Callable[[Mesh, Spec], Any]] = {
     "alone": alone,
@@ -113,8 +117,13 @@ SCENES: dict[str, Callable[[Mesh, Spec], Any]] = {
 }
 
 
-def answers(scene: Any, rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """t, triangle within its mesh (-1: none), and the answer of any-hit rays."""
+def first_part(through: str, mesh: Mesh) -> int:
+    """How many of the mesh's triangles are in the first of its parts, in one of SCENES."""
+    return len(mesh.faces) if through == "alone" else len(mesh.faces) // 2
+
+
+def answers(scene: Any, rays: Rays) -> Given:
+    """t, triangle within its part (-1: none), and the answer of any-hit rays."""
     mi = mitsuba()
     t, triangle, any_hit = [], [], []
     for origin, direction in zip(*(part.tolist() for part in rays), strict=True):
@@ -124,3 +133,15 @@ def answers(scene: Any, rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         triangle.append(si.prim_index if si.is_valid() else -1)
         any_hit.append(scene.ray_test(sent))
     return np.array(t, np.float32), np.array(triangle), np.array(any_hit)
+
+
+def wrong_answers(given: Given, expected: Answers, first: int | None = None) -> np.ndarray:
+    """Which rays got another t, another triangle or another answer to any-hit queries than brute force gave.
+
+    `first`: of a mesh in two parts, how many triangles are in the first.
+    """
+    t, triangle, any_hit = given
+    hit = found(expected)
+    number = np.where(hit, expected["triangle"].astype(int), -1)
+    wrong = (t.view(np.uint32) != expected["t"].view(np.uint32)) | (any_hit != hit)
+    return wrong | (triangle != (number if first is None else np.where(number < first, number, number - first)))
