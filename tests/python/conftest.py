@@ -9,10 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import mitsuba as mi
+import numpy as np
 import pytest
 from fake_workers import Workers
 
 from mitsuba_bsp import scheduling
+from mitsuba_bsp.exr import read_exr, write_exr
 
 #: Nine shapes in an order that a careless swap would change: lights between meshes, a sphere, ids here and there.
 ROOM = """
@@ -72,6 +74,9 @@ end_header
 3 0 1 900000000
 """
 
+#: The accelerators in the `results`.
+REPORTED = ["native", "embree", "kd", "normals"]
+
 #: An integrator and a sensor, for scenes that need no more.
 VIEW = '<integrator type="path"/><sensor type="perspective"/>'
 
@@ -122,6 +127,27 @@ def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small comparison, replayed rays, builds and heat maps of a room, and the page about all of them."""
+    folder = tmp_path_factory.mktemp("results")
+    (folder / "room.xml").write_text(ROOM)
+
+    def run(*words: str) -> None:
+        found = subprocess.run(
+            [sys.executable, "-m", "mitsuba_bsp", *words], cwd=folder, capture_output=True, text=True, check=False
+        )
+        assert found.returncode == 0, found.stderr
+
+    run("compare", "room.xml", "--specs", *REPORTED, "--out", "all/compare")
+    image = folder / "all" / "compare" / "images" / "room--native.exr"
+    write_exr(image, np.stack([plane * 0.8 for plane in read_exr(image).values()], axis=2), [], {})  # seen in 8 bits
+    run("bench", "rays", "room.xml", "--specs", *REPORTED, "--resolution", "16", "--out", "all/rays")
+    run("heatmap", "room.xml", "--specs", "kd", "--resolution", "16", "--out", "all/heat")
+    run("report", "all", "--title", "A & B")
+    return folder / "all"
 
 
 def error_line(result: subprocess.CompletedProcess[str]) -> str:

@@ -1,4 +1,4 @@
-"""`mitsuba-bsp report`: one page about any results, looked at in a real browser."""
+"""`mitsuba-bsp report`: one page about any results, without a browser."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import json
 import re
 import shutil
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -15,9 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from conftest import ROOM, error_line
+from conftest import REPORTED, error_line
 
-from mitsuba_bsp.exr import read_exr, write_exr
 from mitsuba_bsp.intervals import Interval
 from mitsuba_bsp.outcomes import Outcome, outcomes
 from mitsuba_bsp.records import ResultsFolder
@@ -30,15 +28,11 @@ from mitsuba_bsp.studies.work import QUANTITIES
 from mitsuba_bsp.tables_cli import results_folders
 
 if TYPE_CHECKING:
-    from selenium.webdriver import Chrome
+    pass
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
-SPECS = ["native", "embree", "kd", "normals"]
-
 TREES = ["kd", "normals", "clustered"]
-
-LONG = "normals:layout=binary,k=6,axes=fast,intersection_cost=80,retract=false,bad_refines=60"
 
 
 def measure(what: str, **times: float) -> Measure:
@@ -98,29 +92,6 @@ class TestSummary:
         found = Measure("room", "frame", "run", "s", runs)
         assert found.speedup("kd", "native") == Interval(2, 1.5, 4)
         assert found.speedup("kd", "embree") is None
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small comparison, replayed rays, builds and heat maps of a room, and the page about all of them."""
-    folder = tmp_path_factory.mktemp("results")
-    (folder / "room.xml").write_text(ROOM)
-
-    def run(*words: str) -> None:
-        import sys
-
-        found = subprocess.run(
-            [sys.executable, "-m", "mitsuba_bsp", *words], cwd=folder, capture_output=True, text=True, check=False
-        )
-        assert found.returncode == 0, found.stderr
-
-    run("compare", "room.xml", "--specs", *SPECS, "--out", "all/compare")
-    image = folder / "all" / "compare" / "images" / "room--native.exr"
-    write_exr(image, np.stack([plane * 0.8 for plane in read_exr(image).values()], axis=2), [], {})  # seen in 8 bits
-    run("bench", "rays", "room.xml", "--specs", *SPECS, "--resolution", "16", "--out", "all/rays")
-    run("heatmap", "room.xml", "--specs", "kd", "--resolution", "16", "--out", "all/heat")
-    run("report", "all", "--title", "A & B")
-    return folder / "all"
 
 
 def text_of(page: str) -> str:
@@ -270,7 +241,7 @@ class TestMeasures:
         found = self.outcome(Path(shutil.copytree(results / "compare", tmp_path / "compare")))
         rendering, table = next(measures(found)), found.tables()[0]
         place = table.head.index("x native")
-        shown = {spec: str(rendering.speedup(spec, "native")) for spec in SPECS}
+        shown = {spec: str(rendering.speedup(spec, "native")) for spec in REPORTED}
         assert shown == {row[0]: row[place] for row in table.rows}
 
     def test_images_of_another_machine_are_not_shown(self, results: Path, tmp_path: Path) -> None:
@@ -320,218 +291,3 @@ def test_text_stands_out(ink: str, ground: str, face: int) -> None:
     colours = {m[0]: luminance(m[face]) for m in re.findall(r"--(\w+): light-dark\((#\w{6}), (#\w{6})\)", style)}
     low, high = sorted((colours[ink], colours[ground]))
     assert (high + 0.05) / (low + 0.05) >= 4.5
-
-
-@pytest.fixture(scope="module")
-def browser(results: Path) -> Iterator[Chrome]:
-    """The page in headless Chromium."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
-    if not (chromium and driver):
-        pytest.skip("there is no chromium with its chromedriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = chromium
-    for argument in ("--headless=new", "--no-sandbox", "--force-prefers-reduced-motion"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    found = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    found.set_window_size(1200, 900)
-    found.get((results / "report.html").as_uri())
-    yield found
-    found.quit()
-
-
-def until(condition: Callable[[], object]) -> bool:
-    """Whether it becomes true within a few seconds."""
-    end = time.monotonic() + 10
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
-
-
-def press(browser: Chrome, script: str) -> None:
-    """Click what `script` finds."""
-    browser.execute_script(f"{script}.click()")
-
-
-class TestInTheBrowser:
-    def test_it_loads_without_errors_and_draws_its_charts(self, browser: Chrome) -> None:
-        browser.execute_script("document.querySelector('.charts').scrollIntoView()")
-        assert until(lambda: browser.execute_script("return document.querySelectorAll('.chart .main-svg').length"))
-        assert browser.get_log("browser") == []
-
-    def test_the_pointer_gets_an_answer_from_a_chart(self, browser: Chrome) -> None:
-        from selenium.webdriver import ActionChains
-
-        browser.execute_script("document.querySelector('.chart').scrollIntoView({block: 'center'})")
-        bar = "document.querySelector('.chart .bars .point path')"
-        assert until(lambda: browser.execute_script(f"return {bar}"))
-        ActionChains(browser).move_to_element(browser.execute_script(f"return {bar}")).perform()
-        assert until(lambda: browser.execute_script("return document.querySelector('.hoverlayer .hovertext')"))
-
-    def test_a_table_sorts_both_ways(self, browser: Chrome) -> None:
-        table = "[...document.querySelectorAll('table')].find(t => t.caption.textContent.startsWith('room: '))"
-        values = f"return [...{table}.tBodies[0].rows].map(row => parseFloat(row.cells[2].textContent))"
-        assert browser.execute_script(f"return {table}.tHead.rows[0].cells[2].textContent") == "render s"
-        button = f"{table}.tHead.rows[0].cells[2].firstElementChild"
-        for direction in ("ascending", "descending"):
-            press(browser, button)
-            found = browser.execute_script(values)
-            assert len(found) == len(SPECS) and found == sorted(found, reverse=direction == "descending")
-            assert browser.execute_script(f"return {button}.parentElement.getAttribute('aria-sort')") == direction
-
-    def test_the_slider_divides_the_images_by_hand_and_by_keys(self, browser: Chrome) -> None:
-        from selenium.webdriver.common.keys import Keys
-
-        clip = "return document.querySelector('.comparer .over').style.clipPath"
-        assert until(lambda: browser.execute_script(clip) == "inset(0px 50% 0px 0px)")
-        slider = browser.find_element("css selector", ".comparer .divide")
-        slider.send_keys(Keys.ARROW_RIGHT)
-        assert browser.execute_script(clip) == "inset(0px 49% 0px 0px)"
-        browser.execute_script(
-            "const s = document.querySelector('.comparer .stage'), b = s.getBoundingClientRect();"
-            "s.dispatchEvent(new PointerEvent('pointerdown', {clientX: b.left + b.width / 4, clientY: b.top + 5}))"
-        )
-        assert browser.execute_script(clip) == "inset(0px 75% 0px 0px)"
-
-    def test_flicker_shows_them_in_turns(self, browser: Chrome) -> None:
-        press(browser, "document.querySelector('.comparer input[value=flicker]')")
-        hidden = "return document.querySelector('.comparer .over').hidden"
-        assert until(lambda: browser.execute_script(hidden))
-        assert until(lambda: not browser.execute_script(hidden))
-
-    def test_the_difference_is_amplified_and_black_for_equal_images(self, browser: Chrome) -> None:
-        choose = (
-            "const c = document.querySelector('.comparer'), s = c.querySelector(arguments[0]); s.value = arguments[1];"
-            "s.dispatchEvent(new Event('change'))"
-        )
-        sums = (
-            "const c = document.querySelector('.comparer canvas'), d = c.getContext('2d').getImageData(0, 0, c.width, "
-            "c.height).data; let sum = 0; for (let i = 0; i < d.length; ++i) if (i % 4 < 3) sum += d[i]; return sum"
-        )
-        press(browser, "document.querySelector('.comparer input[value=difference]')")
-        browser.execute_script(choose, ".left", "native")
-        browser.execute_script(choose, ".right", "kd")
-        canvas = "return !document.querySelector('.comparer canvas').hidden"
-        assert until(lambda: browser.execute_script(canvas) and browser.execute_script(sums) > 0)
-        before = browser.execute_script(sums)
-        browser.execute_script(
-            "const a = document.querySelector('.comparer .amplify'); a.value = 8; a.dispatchEvent(new Event('input'))"
-        )
-        assert browser.execute_script(sums) > before
-        browser.execute_script(choose, ".left", "normals")
-        assert until(lambda: browser.execute_script(sums) == 0)
-        assert "the same image" in browser.execute_script(
-            "return document.querySelector('.comparer .same').textContent"
-        )
-
-    def test_it_has_a_light_and_a_dark_face(self, browser: Chrome) -> None:
-        paper = "return getComputedStyle(document.body).backgroundColor"
-        faces = set()
-        for _ in range(2):
-            faces.add(browser.execute_script(paper))
-            press(browser, "document.getElementById('theme')")
-        assert len(faces) == 2
-
-    def test_keys_do_what_the_pointer_does(self, browser: Chrome) -> None:
-        from selenium.webdriver.common.keys import Keys
-
-        head = browser.find_element("css selector", "table.sortable thead button")
-        head.send_keys(Keys.ENTER)
-        sorted_by = "return document.querySelector('table.sortable thead th').getAttribute('aria-sort')"
-        assert browser.execute_script(sorted_by) == "ascending"
-        pressed = "return document.getElementById('theme').getAttribute('aria-pressed')"
-        before = browser.execute_script(pressed)
-        browser.find_element("id", "theme").send_keys(Keys.SPACE)
-        assert browser.execute_script(pressed) != before
-        chosen = "return document.querySelector('.comparer input[type=radio]:checked').value"
-        press(browser, "document.querySelector('.comparer input[value=slider]')")
-        browser.find_element("css selector", ".comparer input[value=slider]").send_keys(Keys.ARROW_RIGHT)
-        assert browser.execute_script(chosen) == "flicker"
-        press(browser, "document.querySelector('.comparer input[value=slider]')")
-
-    def test_everything_that_takes_the_focus_has_a_name(self, browser: Chrome) -> None:
-        nameless = browser.execute_script(
-            "return [...document.querySelectorAll('a, button, select, input, summary, [tabindex]')].filter(e => "
-            "!(e.textContent.trim() || e.getAttribute('aria-label') || (e.labels && e.labels.length)))"
-            ".map(e => e.outerHTML)"
-        )
-        assert nameless == []
-
-    def test_paper_is_white_and_has_all_there_is(self, browser: Chrome) -> None:
-        dark = {"media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]}
-        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-        try:
-            ink = "return getComputedStyle(document.body).color"
-            assert browser.execute_script(ink) == "rgb(29, 33, 38)"
-        finally:
-            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
-        browser.execute_script("dispatchEvent(new Event('beforeprint'))")
-        left = "return document.querySelectorAll('.chart:not(.drawn), details:not([open])').length"
-        assert browser.execute_script(left) == 0
-        browser.execute_script("dispatchEvent(new Event('afterprint'))")
-        assert browser.get_log("browser") == []
-
-    @pytest.mark.parametrize(
-        "rising",
-        [
-            ["900", "1.2k", "15.4k", "1.72M"],
-            ["40 ns", "5 us", "300 ms", "2 s"],
-            ["512 B", "30 kB", "2.0 MB", "1 GB"],
-            ["-9.5 % [-29.6, +6.2]", "+0.2 %", "35.1%", "100.0%"],
-            ["< 1e-9", "1.3e-08", "1,234 scenes", "-"],
-            ["fast", "none", "plain", "safe"],
-        ],
-    )
-    def test_columns_sort_by_what_their_cells_mean(self, browser: Chrome, rising: list[str]) -> None:
-        fill = (
-            "const table = document.querySelectorAll('.part table')[0], rows = [...table.tBodies[0].rows];"
-            "rows.forEach((row, i) => { row.cells[1].textContent = arguments[0][i]; });"
-            "const head = table.tHead.rows[0].cells[1]; head.setAttribute('aria-sort', 'none');"
-            "head.querySelector('button').click(); return [...table.tBodies[0].rows].map(r => r.cells[1].textContent)"
-        )
-        assert browser.execute_script(fill, [rising[i] for i in (2, 0, 3, 1)]) == rising
-
-    @pytest.fixture
-    def phone(self, browser: Chrome) -> Iterator[Chrome]:
-        """A narrow screen, and a long spec everywhere."""
-        fill = (
-            "document.querySelectorAll('figcaption, caption, tbody th, .finding, option').forEach("
-            "e => { e.dataset.was = e.textContent; e.textContent = arguments[0]; })"
-        )
-        size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-        browser.execute_script(fill, LONG)
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-        yield browser
-        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
-        browser.execute_script(
-            "document.querySelectorAll('[data-was]').forEach(e => { e.textContent = e.dataset.was; })"
-        )
-
-    def test_a_phone_need_not_scroll_sideways(self, phone: Chrome) -> None:
-        assert until(lambda: phone.execute_script("return document.documentElement.scrollWidth") <= 390)
-
-    def test_the_first_column_leaves_room_on_a_phone(self, phone: Chrome) -> None:
-        wide = "return Math.max(...[...document.querySelectorAll('tbody th')].map(e => e.offsetWidth))"
-        assert until(lambda: phone.execute_script(wide) <= 0.45 * 390)
-
-    def test_figures_keep_their_size_on_a_phone_and_scroll(self, phone: Chrome) -> None:
-        phone.execute_script("document.querySelector('figure.scroll').scrollIntoView()")
-        one = "const f = document.querySelector('figure.scroll'), i = f.querySelector('img');"
-        assert until(lambda: phone.execute_script(f"{one} return i.complete && i.width === i.naturalWidth"))
-        assert phone.execute_script(f"{one} return f.tabIndex === 0 && f.scrollWidth > f.clientWidth")
-
-    def test_charts_keep_their_height_on_a_phone(self, phone: Chrome) -> None:
-        phone.execute_script("document.querySelector('.chart').scrollIntoView()")
-        low = (
-            "return [...document.querySelectorAll('.chart.drawn')].filter(e => e.querySelector('.main-svg')"
-            ".getBoundingClientRect().height > e.offsetHeight + 1).length"
-        )
-        assert until(lambda: phone.execute_script("return document.querySelectorAll('.chart .main-svg').length"))
-        assert phone.execute_script(low) == 0
-
-    def test_long_names_fit_a_desk(self, browser: Chrome) -> None:
-        browser.execute_script("document.querySelector('figcaption').textContent = arguments[0]", 4 * LONG)
-        assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
