@@ -9,15 +9,17 @@ from typing import Literal
 
 import numpy as np
 
-from .intervals import Interval, median_interval
+from .intervals import Interval, geometric_mean_interval, median_interval
 
 #: A difference is believed if chance would produce one like it less often than this, all tests of its family together.
 ALPHA = 0.05
 
-#: Two runs of one tree differ by less than the noise in this share of cases.
+#: Medians of runs of one tree differ by less than the noise in this share of cases.
 NOISE_SHARE = 0.95
 
-Finding = Literal["less", "more", "noise", "unclear"]
+_DRAWS, _SEED = 10_000, 0
+
+Finding = Literal["less", "more", "noise", "alike", "unclear"]
 
 
 @dataclass(frozen=True)
@@ -39,12 +41,19 @@ def effect_of(ratios: Sequence[float], exact: bool = False) -> Effect | None:
 
 def pooled_effect(ratios: Sequence[float]) -> Effect | None:
     """The median of ratios from several scenes, and Wilcoxon's signed-rank test; None if there are none."""
-    if not ratios:
-        return None
+    return Effect(median_interval(ratios), _signed_rank(ratios)) if ratios else None
+
+
+def effect_over_scenes(ratios: Sequence[float]) -> Effect | None:
+    """The geometric mean of ratios, one a scene, as far as these scenes tell it, and Wilcoxon's signed-rank test."""
+    return Effect(geometric_mean_interval(ratios), _signed_rank(ratios)) if ratios else None
+
+
+def _signed_rank(ratios: Sequence[float]) -> float:
     from scipy.stats import wilcoxon
 
     logs = np.log(ratios)
-    return Effect(median_interval(ratios), float(wilcoxon(logs).pvalue) if logs.any() else 1.0)
+    return float(wilcoxon(logs).pvalue) if logs.any() else 1.0
 
 
 def adjusted(effects: Sequence[Effect | None]) -> list[float]:
@@ -56,22 +65,26 @@ def adjusted(effects: Sequence[Effect | None]) -> list[float]:
     return [float(next(corrected)) if effect else 1.0 for effect in effects]
 
 
-def finding(effect: Effect, p: float, noise: float) -> Finding:
-    """What an effect says, given its corrected probability and the noise of the run (0.05: ratios up to 1.05)."""
-    if abs(np.log(effect.ratio.value)) <= np.log1p(noise):
-        return "noise"
+def finding(effect: Effect, p: float, limit: float, counted: bool = False) -> Finding:
+    """What an effect says, given its corrected probability and what it must exceed (0.05: ratios up to 1.05)."""
+    if abs(np.log(effect.ratio.value)) <= np.log1p(limit):
+        return "alike" if counted else "noise"
     if p >= ALPHA:
         return "unclear"
     return "less" if effect.ratio.value < 1 else "more"
 
 
-def noise_of(repeated: Iterable[Sequence[float]]) -> float | None:
-    """By how much two runs of one and the same tree differ at most, in 95 of 100 cases; None without any such runs.
+def noise_of(repeated: Iterable[Sequence[float]], repeats: int = 1) -> float | None:
+    """By how much the medians of so many ratios of two runs of one and the same tree differ from 1 at most.
 
-    Each sequence holds the times of one tree on one scene.
+    In 95 of 100 cases, by drawing from the ratios of all pairs of such runs; None without any. Each sequence holds the
+    times of one tree on one scene.
     """
-    gaps = [abs(np.log(a / b)) for times in repeated for a, b in itertools.combinations(times, 2)]
-    return float(np.expm1(np.quantile(gaps, NOISE_SHARE))) if gaps else None
+    gaps = [np.log(a / b) for times in repeated for a, b in itertools.permutations(times, 2)]
+    if not gaps:
+        return None
+    drawn = np.random.default_rng(_SEED).choice(gaps, (_DRAWS, repeats))
+    return float(np.expm1(np.quantile(np.abs(np.median(drawn, axis=1)), NOISE_SHARE)))
 
 
 def _probability(logs: np.ndarray, exact: bool) -> float:

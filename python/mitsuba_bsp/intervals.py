@@ -30,6 +30,15 @@ def median_interval(values: Sequence[float]) -> Interval:
     return _interval(np.median, values)
 
 
+def geometric_mean_interval(values: Sequence[float]) -> Interval:
+    """The geometric mean and its percentile-bootstrap interval."""
+    return _interval(_geometric_mean, values)
+
+
+def _geometric_mean(values: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
+    return np.exp(np.log(values).mean(axis=axis))
+
+
 def mean_of_medians(samples: Sequence[Sequence[float]]) -> Interval:
     """The same for the geometric mean of the medians of measurements that were repeated on their own."""
     return _interval(_mean, *(sample if len(sample) > 1 else [*sample, *sample] for sample in samples))

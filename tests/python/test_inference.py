@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import false_discovery_control, ttest_1samp, wilcoxon
 
-from mitsuba_bsp.inference import Effect, adjusted, effect_of, finding, noise_of, pooled_effect
+from mitsuba_bsp.inference import Effect, adjusted, effect_of, effect_over_scenes, finding, noise_of, pooled_effect
 from mitsuba_bsp.intervals import Interval
 
 RATIOS = [0.5, 0.52, 0.49, 0.51, 0.53]
@@ -64,7 +64,20 @@ def test_probabilities_are_corrected_for_their_number() -> None:
     [(0.96, 0.001, "noise"), (1.049, 0.001, "noise"), (0.8, 0.2, "unclear"), (0.8, 0.01, "less"), (1.2, 0.01, "more")],
 )
 def test_findings(ratio: float, p: float, word: str) -> None:
-    assert finding(effect(ratio), p, noise=0.05) == word
+    assert finding(effect(ratio), p, limit=0.05) == word
+
+
+def test_counters_have_no_noise_and_are_alike() -> None:
+    assert finding(effect(1.009), 0.001, limit=0.01, counted=True) == "alike"
+    assert finding(effect(1.011), 0.001, limit=0.01, counted=True) == "more"
+
+
+def test_effects_over_scenes_are_geometric_means() -> None:
+    found = effect_over_scenes([0.5, 2.0, 0.8])
+    assert found.ratio.value == pytest.approx(0.8 ** (1 / 3))
+    assert 0.5 <= found.ratio.low < found.ratio.value < found.ratio.high <= 2
+    assert found.p == pytest.approx(wilcoxon(np.log([0.5, 2.0, 0.8])).pvalue)
+    assert effect_over_scenes([]) is None
 
 
 def test_noise_is_what_two_runs_of_one_tree_differ_by() -> None:
@@ -74,3 +87,9 @@ def test_noise_is_what_two_runs_of_one_tree_differ_by() -> None:
     rng = np.random.default_rng(1)
     runs = np.exp(rng.normal(0, 0.02, (50, 6)))
     assert noise_of(runs) == pytest.approx(1.96 * 0.02 * np.sqrt(2), rel=0.1)
+
+
+def test_the_noise_of_medians_shrinks_with_repetitions() -> None:
+    """The median of n normal numbers has 1.57 / n of their variance if n is large."""
+    runs = np.exp(np.random.default_rng(1).normal(0, 0.02, (50, 6)))
+    assert noise_of(runs, 101) == pytest.approx(1.96 * 0.02 * np.sqrt(2 * 1.57 / 101), rel=0.1)

@@ -7,13 +7,16 @@ import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import geometric_mean
 
 import pytest
 from fake_workers import Workers, study
 
+from mitsuba_bsp.inference import effect_of
 from mitsuba_bsp.records import ResultsFolder
 from mitsuba_bsp.studies import STUDIES, comparison_figures
 from mitsuba_bsp.studies.claim_list import ALIGNMENT, CLAIMS
+from mitsuba_bsp.studies.claims import judge_alignment, judge_claim
 from mitsuba_bsp.studies.comparison import Findings, as_measured
 from mitsuba_bsp.studies.cost import RULES, prices
 from mitsuba_bsp.studies.runs import RENDER, Runs
@@ -56,6 +59,21 @@ class TestDirections:
     def test_percent_of_kd(self, out: Path) -> None:
         found = row(out, "feet, 30 triangles", "normals, axes fast, binary")
         assert found[2].startswith("51.2 [5") and found[4] == "less"
+
+    def test_every_k_has_its_finding(self, out: Path) -> None:
+        title = "feet: percent of kd at every k"
+        assert row(out, title, "normals, axes fast, binary")[1:] == ["51 *", "51 *"]
+        assert row(out, title, "rbsp, axes fast, kdop, binary")[1:] == ["-", "90 *"]
+
+    def test_wide_nodes_have_fast_axes(
+        self, workers: Workers, feet: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+    ) -> None:
+        words = ("directions", feet, "--trees", "normals", "--k", "4", "--axes", "none", "--out", tmp_path / "none")
+        assert study(*words, "--layouts", "wide") == 2
+        assert "--layouts wide: trees with axes none have binary nodes only" in capsys.readouterr().err
+        assert study(*words) == 0
+        trees = {own["tree"] for own in ResultsFolder(tmp_path / "none").records()}
+        assert {tree for tree in trees if tree.startswith("normals")} == {"normals:k=4,axes=none,layout=binary"}
 
     def test_beside_the_published(self, out: Path) -> None:
         title = "percent of kd, beside the thesis's (feet has other triangles)"
@@ -112,7 +130,7 @@ class TestComparison:
         assert "normals:k=6,axes=fast" in runs.trees
         assert as_measured(runs, "normals") == "normals:k=6,axes=fast"
         assert as_measured(runs, "normals:k=7") == "normals:k=7"
-        found = Findings(runs, "feet", 0.0)
+        found = Findings(runs, "feet")
         assert found.published("normals:cost=thesis") == found.published("normals:k=6,axes=fast,cost=thesis") != {}
 
     def test_leaves_and_kd_nodes(self, out: Path) -> None:
@@ -128,6 +146,20 @@ class TestComparison:
         assert words["normals:k=6,axes=fast,cost=thesis", "R", "less than kd"] == "confirmed"
         assert words["ize:axes=fast,cost=thesis", "R", "less than kd"] == "refuted"
         assert words["normals:k=6,axes=fast,cost=thesis", "B", "more than kd"] == "open"  # no difference
+        sizes = {cells[:2]: cells[5] for cells in verdicts.rows}
+        assert sizes["normals:k=6,axes=fast,cost=thesis", "R"] == "feet 68 %: more than here"  # 51 [50, 52]
+        assert sizes["normals:k=6,axes=fast,cost=thesis", "B"] == "feet 11300 %: more than here"
+
+    def test_trees_of_a_single_leaf(self, out: Path) -> None:
+        """They have no interior nodes, so there is nothing to draw by depth."""
+        leaf = [{"axis_nodes": 0, "oblique_nodes": 0, "leaves": 1, "references": 30, "planes": 0}]
+        rows = [
+            {**own, "statistics": {**own["statistics"], "levels": leaf} if own["statistics"] else {}}
+            for own in ResultsFolder(out).records()
+        ]
+        assert STUDIES["comparison"].tables(rows)
+        drawn = dict(STUDIES["comparison"].figures(rows, ResultsFolder(out)))["comparison-depth"]
+        assert not any(axes.lines for axes in drawn.axes) and not drawn.legends
 
     def test_the_figures_have_what_was_measured(self, workers: Workers, feet: Path, tmp_path: Path) -> None:
         published = "normals:k=6,axes=fast,cost=thesis"
@@ -218,6 +250,25 @@ class TestClaims:
         assert len(found) == 6 and all(cells[0] == "room" for cells in found)
         ratios = [float(re.match(r"[\d.]+", cells[3])[0]) for cells in found]
         assert ratios == [66.9] * 6  # 1.01 s over 1.51 s
+
+    def test_a_scene_counts_once_however_many_pairs_it_has(self, out: Path) -> None:
+        """Student's test of three repetitions, each the geometric mean of all pairs."""
+        runs = Runs(ResultsFolder(out).records())
+        claim = next(own for own in CLAIMS if "in less time" in own.sentence)
+        (scene,) = judge_claim(runs, claim).scenes
+        means = [geometric_mean((x + seed / 100) / 2 for x in (1.5, 1.0, 1.2)) for seed in range(3)]
+        assert scene.effect == effect_of(means)
+
+    def test_what_no_order_of_scenes_can_decide_is_open(self, out: Path) -> None:
+        own = ResultsFolder(out).records()
+        times = (1.0, 0.8, 0.6, 0.5)
+        rows = []
+        for number, (share, seconds) in enumerate(zip((0, 0, 0.3, 0.4), times, strict=True)):
+            changed = {"scene": f"room{number}", "axis_area_share": share}
+            for row in own:
+                time = {"render_cpu_s": seconds if "axes=plain" in row["tree"] else 1.0}
+                rows.append({**row, **changed, **time})
+        assert "too few scenes, and too alike" in judge_alignment(Runs(rows)).verdict.why
 
     def test_too_few_scenes_for_a_correlation(self, out: Path) -> None:
         assert "too few scenes for a correlation" in (out / "table.md").read_text()

@@ -8,12 +8,13 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from statistics import geometric_mean
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..figures import GUIDE, new_figure, plain
-from ..inference import ALPHA, Effect, adjusted, finding, pooled_effect
+from ..inference import ALPHA, Effect, adjusted, effect_of, effect_over_scenes, finding
 from ..records import Record, ResultsFolder
 from ..speeds import NONE
 from ..text_table import TextTable
@@ -31,14 +32,16 @@ _COLOURS = {"confirmed": "#009E73", "refuted": "#D55E00", "open": "#0072B2"}
 _XLABEL = "% of what it is held against; strokes: scenes; dot and bar: all of them, with the 95 % interval"
 
 _LEGEND = (
-    "Sentences of the draft, each about pairs of trees. Effects are medians over repetitions with 95 % bootstrap "
-    "intervals; trees that draw directions have another seed in each repetition, and pairs share their seed. "
-    "Confirmed: at least half of the scenes show it beyond the noise and none the opposite; refuted: the other way "
-    "round; open: neither. Probabilities are Wilcoxon's for a scene or all of them, Student's for a pair of trees; "
-    "those of a claim are corrected for their number (Benjamini, Hochberg). That the axes help because scenes are "
-    "partly axis-aligned is judged by the ranks of scenes: those of the time with the axes against those of the area "
-    "along them, in whole percent; open if chance gives such a correlation more often than one time in twenty, or if "
-    "the times of scenes differ by no more than the noise."
+    "Sentences of the draft, each about pairs of trees. The effect on a scene is the geometric mean over the pairs, "
+    "its median over repetitions; trees that draw directions have another seed in each repetition, and pairs share "
+    "their seed. Over all scenes it is the geometric mean of theirs. Intervals are bootstraps (95 %) of repetitions or "
+    "of scenes. Confirmed: at least half of the scenes show it beyond the noise and none the opposite; refuted: the "
+    "other way round; open: neither. The noise is that of as many runs of one and the same tree on the scene, at least "
+    "5 %; counters have none, but those within 1 % are called alike. Probabilities are Wilcoxon's over scenes, "
+    "Student's for a scene or a pair of trees; those of a claim are corrected for their number (Benjamini, Hochberg). "
+    "That the axes help because scenes are partly axis-aligned is judged by the ranks of scenes: those of the time "
+    "with the axes against those of the area along them, in whole percent; open if chance gives such a correlation "
+    "more often than one time in twenty, or if the times of scenes differ by no more than the noise."
 )
 
 
@@ -76,26 +79,23 @@ def plan(options: StudyOptions) -> list[Cell]:
 
 def judge_claim(runs: Runs, claim: Claim) -> Judged:
     """The verdict on a claim."""
-    ratios = {scene: _ratios(runs, claim, scene) for scene in runs.scenes}
-    effects = {scene: pooled_effect(found) for scene, found in ratios.items()}
+    counted = claim.quantity.counted
+    effects = {scene: effect_of(_ratios(runs, claim, scene), counted) for scene in runs.scenes}
     corrected = adjusted(list(effects.values()))
     evidence = [
-        Evidence(scene, effect, p, finding(effect, p, _limit(runs, claim)))
+        Evidence(scene, effect, p, finding(effect, p, runs.limit(scene, claim.quantity), counted))
         for (scene, effect), p in zip(effects.items(), corrected, strict=True)
         if effect
     ]
-    overall = pooled_effect([ratio for found in ratios.values() for ratio in found])
+    overall = effect_over_scenes([item.effect.ratio.value for item in evidence])
     return Judged(claim, evidence, overall, judge(claim.expected, evidence))
 
 
 def _ratios(runs: Runs, claim: Claim, scene: str) -> list[float]:
-    """Of all pairs of a claim."""
-    return [ratio for pair in claim.pairs for ratio in runs.ratios(scene, *pair, claim.quantity)]
-
-
-def _limit(runs: Runs, claim: Claim) -> float:
-    """What a difference must exceed: counters have no noise."""
-    return 0.0 if claim.quantity.counted else runs.noise()
+    """The geometric mean over the pairs of a claim, for each repetition that all of them have."""
+    found = [runs.ratios(scene, *pair, claim.quantity) for pair in claim.pairs]
+    repeats = set.intersection(*map(set, found))
+    return [geometric_mean(ratios[repeat] for ratios in found) for repeat in sorted(repeats)]
 
 
 def judge_alignment(runs: Runs) -> Judged:
@@ -104,9 +104,11 @@ def judge_alignment(runs: Runs) -> Judged:
     shares = _axis_shares(runs)
     scenes = [item for item in axes.scenes if item.scene in shares]
     ratios = [item.effect.ratio.value for item in scenes]
-    found = _correlation([shares[item.scene] for item in scenes], ratios)
+    own = [shares[item.scene] for item in scenes]
+    found = _correlation(own, ratios)
     claim = replace(axes.claim, sentence=ALIGNMENT)
-    return Judged(claim, scenes, None, _verdict_on(found, ratios, runs.noise()), found)
+    noise = max(map(runs.noise, runs.scenes))
+    return Judged(claim, scenes, None, _verdict_on(found, own, ratios, noise), found)
 
 
 def _axis_shares(runs: Runs) -> dict[str, int]:
@@ -135,9 +137,12 @@ def _correlation(shares: Sequence[int], ratios: Sequence[float]) -> Correlation 
     return Correlation(float(below.statistic), float(below.pvalue), float(above.pvalue))
 
 
-def _verdict_on(found: Correlation | None, ratios: Sequence[float], noise: float) -> Verdict:
+def _verdict_on(found: Correlation | None, shares: Sequence[int], ratios: Sequence[float], noise: float) -> Verdict:
     if found is None:
         return Verdict("open", "too few scenes for a correlation")
+    best = _correlation(shares, np.negative(shares))
+    if best is None or best.p_below >= ALPHA:
+        return Verdict("open", f"{found}; too few scenes, and too alike, for any order of them to decide it")
     apart = max(ratios) / min(ratios) - 1
     why = f"{found}; the times of scenes differ by {100 * apart:.0f} %, the noise is {100 * noise:.0f} %"
     if apart <= noise or min(found.p_below, found.p_above) >= ALPHA:
@@ -150,8 +155,9 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
     runs = Runs(rows)
     alignment = judge_alignment(runs)
     found = [*(judge_claim(runs, claim) for claim in CLAIMS), alignment]
+    noises = [runs.noise(scene) for scene in runs.scenes]
     verdicts = TextTable(
-        f"verdicts (noise {runs.noise():.1%})",
+        f"verdicts (noise {min(noises):.1%} to {max(noises):.1%})",
         ("claim", "found, %", "p", "verdict", "why"),
         tuple((own.claim.sentence, percent(own.overall), _p(own), own.verdict.word, own.verdict.why) for own in found),
     )
@@ -178,12 +184,12 @@ def _axes_table(runs: Runs, own: Judged) -> TextTable:
 def _evidence_table(runs: Runs, claim: Claim) -> TextTable:
     effects = {(s, pair): runs.effect(s, *pair, claim.quantity) for s in runs.scenes for pair in claim.pairs}
     corrected = adjusted(list(effects.values()))
-    limit = _limit(runs, claim)
+    counted = claim.quantity.counted
     return TextTable(
         f"{claim.sentence} ({claim.quantity.name})",
         ("scene", "tree", "against", "%", "p", "finding"),
         tuple(
-            (scene, *pair, percent(effect), f"{p:.2g}", finding(effect, p, limit))
+            (scene, *pair, percent(effect), f"{p:.2g}", finding(effect, p, runs.limit(scene, claim.quantity), counted))
             for ((scene, pair), effect), p in zip(effects.items(), corrected, strict=True)
             if effect
         ),
@@ -196,6 +202,7 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
     found = [judge_alignment(runs), *(judge_claim(runs, claim) for claim in reversed(CLAIMS))]
     figure = new_figure(10, 0.7 + 0.62 * len(found))
     axes = figure.add_subplot(xscale="log", xlabel=_XLABEL)
+    axes.update_datalim([(95, 0), (105, 0)])  # or it would be empty where nothing differs
     axes.axvline(100, color=GUIDE, linewidth=0.8, linestyle=":")
     for place, own in enumerate(found):
         _draw(axes, place, own)

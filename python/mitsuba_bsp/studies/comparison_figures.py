@@ -54,10 +54,9 @@ def percent_figure(runs: Runs) -> Figure:
     rows = rows_of(runs)
     figure = new_figure(13, 0.9 + (0.7 + 0.28 * max(4, len(rows))) * len(runs.scenes))
     grid = figure.subplots(len(runs.scenes), 4, sharey=True, squeeze=False)
-    noise = runs.noise()
     published = False
     for line, scene in zip(grid, runs.scenes, strict=True):
-        found = Findings(runs, scene, noise)
+        found = Findings(runs, scene)
         published |= any(_published(found, name) for name in rows)
         for panel, quantity in zip(line, PUBLISHED_QUANTITIES, strict=True):
             _draw_quantity(panel, found, quantity, rows)
@@ -116,13 +115,15 @@ def depth_figure(runs: Runs) -> Figure:
         for panel, way in zip(line, ways, strict=True):
             for name, own in rows.items():
                 row = tree_row(runs, scene, own[way]) if way in own else None
-                if row:
-                    shares = [(depth, 100 * s) for depth, s in enumerate(axis_node_shares(row)) if s is not None]
+                shares = enumerate(axis_node_shares(row)) if row else ()
+                if shares := [(depth, 100 * share) for depth, share in shares if share is not None]:
                     (drawn[name],) = panel.plot(*zip(*shares, strict=True), color=COLOURS[spec_of(name).name], lw=1.3)
             panel.set_title(f"{scene}, {way}", fontsize=10)
             plain(panel)
         line[0].set_ylabel("% of interior nodes\nthat are kd nodes")
     for panel in grid[-1]:
         panel.set_xlabel("depth")
-    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=min(len(ways) + 1, 4), frameon=False)
+    if drawn:
+        columns = min(len(ways) + 1, 4)
+        figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=columns, frameon=False)
     return figure

@@ -122,7 +122,7 @@ def _scene_table(runs: Runs, scene: str, found: dict[Price, str]) -> TextTable:
         for price, tree in found.items()
     }
     corrected = adjusted([own[RENDER] for own in effects.values()])
-    noise = runs.noise()
+    noise = runs.noise(scene)
 
     def verdict(effect: Effect | None, p: float) -> tuple[str, str]:
         return (f"{p:.2g}", finding(effect, p, noise)) if effect else (NONE, NONE)
@@ -163,11 +163,12 @@ def _deciding_tables(runs: Runs, found: dict[Price, str]) -> list[TextTable]:
     both = [*pooled.items(), *apart.items()]
     effects = [pooled_effect(ratios) for _, ratios in both]
     corrected = adjusted(effects)  # all of them are one family
-    noise = runs.noise()
+    noises = {scene: runs.noise(scene) for scene in runs.scenes}
+    noise = max(noises.values())
     lines: dict[Compared, tuple[float, tuple[str, ...]]] = {}
     for (key, ratios), effect, p in zip(both, effects, corrected, strict=True):
         if effect:
-            cells = (percent(effect), f"{p:.2g}", finding(effect, p, noise), str(len(ratios)))
+            cells = (percent(effect), f"{p:.2g}", finding(effect, p, noises.get(key.scene, noise)), str(len(ratios)))
             lines[key] = (abs(float(np.log(effect.ratio.value))), cells)
 
     def ordered(keys: Iterable[Compared]) -> list[Compared]:
@@ -204,7 +205,7 @@ def _comparisons(runs: Runs, found: dict[Price, str], apart: bool = False) -> di
                         layout = "" if choice == "layout" else price.layout
                         where = (scene, layout) if apart else ()
                         key = Compared(choice, str(one), str(other), *where)
-                        ratios.setdefault(key, []).extend(runs.ratios(scene, twin, tree, RENDER))
+                        ratios.setdefault(key, []).extend(runs.ratios(scene, twin, tree, RENDER).values())
     return ratios
 
 
@@ -279,7 +280,8 @@ def _legend_lines(runs: Runs) -> list[Line2D]:
 
 def _mean(runs: Runs, tree: str, layout: str, quantity: Quantity) -> float | None:
     """Percent of kd, geometric mean over the scenes."""
-    medians = [median(found) for scene in runs.scenes if (found := runs.ratios(scene, tree, _kd(layout), quantity))]
+    found = (runs.ratios(scene, tree, _kd(layout), quantity) for scene in runs.scenes)
+    medians = [median(ratios.values()) for ratios in found if ratios]
     return 100 * geometric_mean(medians) if medians else None
 
 

@@ -40,8 +40,8 @@ _LEGEND = (
     "Render time of a frame against k, the number of directions swept in a node, the axes included. Times are medians "
     "of all repetitions and their standard deviations; trees that draw directions have another seed each time. "
     "Percent are of the time of kd with the same layout, with 95 % bootstrap intervals; probabilities are corrected "
-    "for the number of comparisons on the scene (Benjamini, Hochberg). What is within the noise, two runs of one "
-    "tree, is called so."
+    "for the number of comparisons on the scene (Benjamini, Hochberg). What is within the noise of the scene is called "
+    "so: that of as many runs of one and the same tree, at least 5 %."
 )
 
 
@@ -83,9 +83,11 @@ def plan(options: StudyOptions) -> list[Cell]:
     wanted = options.choices
     for layout in wanted["layouts"]:
         trees.append(spec_text("kd", **_common(wanted, layout)))
-        for axes in wanted["axes"] if layout == "binary" else ["fast"]:
+        for axes in wanted["axes"] if layout == "binary" else {"fast"}.intersection(wanted["axes"]):
             for name in wanted["trees"]:
                 trees += _trees(name, axes, layout, wanted)
+    if wanted["layouts"] == ["wide"] and "fast" not in wanted["axes"]:
+        raise ValueError(f"--layouts wide: trees with axes {choices(wanted['axes'])} have binary nodes only")
     seeded = {tree: "seed" in parse_spec(tree).settings for tree in trees}
     return [Cell("time", tree, options.repeats, seeded[tree]) for tree in seeded]
 
@@ -115,7 +117,6 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
     """Seconds by k and scene, a table a curve; the best k of each; and what was published."""
     runs = Runs(rows)
     found = curves(runs)
-    noise = runs.noise()
     seconds = [
         TextTable(
             f"seconds: {curve.title}",
@@ -124,9 +125,9 @@ def tables(rows: Sequence[Record]) -> list[TextTable]:
         )
         for curve, by_k in found.items()
     ]
-    best = [_best_table(runs, scene, found, noise) for scene in runs.scenes]
+    by_scene = [table for scene in runs.scenes for table in _scene_tables(runs, scene, found)]
     published = _published_table(runs, found)
-    return [*best, *([published] if published else []), *seconds]
+    return [*by_scene, *([published] if published else []), *seconds]
 
 
 def curves(runs: Runs) -> dict[Curve, dict[int, str]]:
@@ -148,9 +149,10 @@ def curves(runs: Runs) -> dict[Curve, dict[int, str]]:
     return {curve: dict(sorted(found[curve].items())) for curve in by_place}
 
 
-def baseline(runs: Runs, layout: str) -> str:
-    """The kd of a layout."""
-    return next(t for t in runs.trees if spec_of(t).name == "kd" and spec_of(t).settings["layout"] == layout)
+def baseline(runs: Runs, layout: str) -> str | None:
+    """The kd of a layout, if it was measured yet."""
+    found = (t for t in runs.trees if spec_of(t).name == "kd" and spec_of(t).settings["layout"] == layout)
+    return next(found, None)
 
 
 def _seconds(runs: Runs, scene: str, tree: str) -> str:
@@ -160,8 +162,9 @@ def _seconds(runs: Runs, scene: str, tree: str) -> str:
     return f"{median(times):.3f} ± {stdev(times) if len(times) > 1 else 0:.3f}"
 
 
-def _best_table(runs: Runs, scene: str, found: dict[Curve, dict[int, str]], noise: float) -> TextTable:
-    """The k of the least median, with all comparisons of the scene corrected together."""
+def _scene_tables(runs: Runs, scene: str, found: dict[Curve, dict[int, str]]) -> tuple[TextTable, TextTable]:
+    """The k of the least median and the percent at every k, with all comparisons of the scene corrected together."""
+    noise = runs.noise(scene)
     effects = {
         (curve, k): runs.effect(scene, tree, baseline(runs, curve.layout), RENDER)
         for curve, by_k in found.items()
@@ -169,17 +172,35 @@ def _best_table(runs: Runs, scene: str, found: dict[Curve, dict[int, str]], nois
     }
     corrected = dict(zip(effects, adjusted(list(effects.values())), strict=True))
 
-    def cells(curve: Curve) -> tuple[str, ...]:
+    def word(curve: Curve, k: int) -> str:
+        effect = effects[curve, k]
+        return finding(effect, corrected[curve, k], noise) if effect else NONE
+
+    def best(curve: Curve) -> tuple[str, ...]:
         own = {k: effect for (c, k), effect in effects.items() if c == curve and effect}
         if not own:
             return (NONE,) * 4
         k = min(own, key=lambda k: own[k].ratio.value)
-        return (str(k), percent(own[k]), f"{corrected[curve, k]:.2g}", finding(own[k], corrected[curve, k], noise))
+        return (str(k), percent(own[k]), f"{corrected[curve, k]:.2g}", word(curve, k))
 
-    return TextTable(
-        f"{runs.title(scene)}: the best k (noise {noise:.1%})",
-        ("trees", "k", "% of kd", "p", "finding"),
-        tuple((curve.title, *cells(curve)) for curve in found),
+    def at(curve: Curve, k: int) -> str:
+        effect = effects.get((curve, k))
+        if not effect:
+            return NONE
+        return f"{100 * effect.ratio.value:.0f}{' *' if word(curve, k) in ('less', 'more') else ''}"
+
+    every_k = sorted({k for _, k in effects})
+    return (
+        TextTable(
+            f"{runs.title(scene)}: the best k (noise {noise:.1%})",
+            ("trees", "k", "% of kd", "p", "finding"),
+            tuple((curve.title, *best(curve)) for curve in found),
+        ),
+        TextTable(
+            f"{scene}: percent of kd at every k (* is less or more, all else noise or unclear)",
+            ("trees", *map(str, every_k)),
+            tuple((curve.title, *(at(curve, k) for k in every_k)) for curve in found),
+        ),
     )
 
 

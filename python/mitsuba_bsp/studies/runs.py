@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from statistics import median
 from typing import Literal
 
 from ..inference import Effect, effect_of, noise_of
@@ -30,8 +31,11 @@ class Quantity:
 #: The kinds of rays that ask for the closest hit, and those that ask for any.
 CLOSEST, ANY = ("camera", "bounce"), ("shadow",)
 
-#: What is assumed where a run does not tell its own noise; that of the machines that this was written on.
+#: Times that differ by no more are always called noise, for this much machines do that are shared.
 USUAL_NOISE = 0.05
+
+#: Counters that differ by no more are called alike: they have no noise, but a difference should matter.
+LEAST_DIFFERENCE = 0.01
 
 
 class Runs:
@@ -65,31 +69,39 @@ class Runs:
         found = {repeat: quantity.read(row) for repeat, row in self.get(scene, quantity.measure, tree).items()}
         return {repeat: value for repeat, value in found.items() if value is not None}
 
-    def ratios(self, scene: str, tree: str, other: str, quantity: Quantity) -> list[float]:
-        """A quantity of one tree over that of another, repetition by repetition.
+    def ratios(self, scene: str, tree: str, other: str | None, quantity: Quantity) -> dict[int, float]:
+        """A quantity of one tree over that of another, by repetition; empty if there is no other.
 
         What is counted once (a tree without a seed has the same counters every time) stands for every repetition.
         """
-        ours, theirs = (self.values(scene, name, quantity) for name in (tree, other))
+        ours, theirs = (self.values(scene, name, quantity) if name else {} for name in (tree, other))
         if quantity.counted and len(theirs) == 1:
             theirs = dict.fromkeys(ours, *theirs.values())
         elif quantity.counted and len(ours) == 1:
             ours = dict.fromkeys(theirs, *ours.values())
-        pairs = [(ours[repeat], theirs[repeat]) for repeat in ours if repeat in theirs]
-        return [one / base for one, base in pairs if one > 0 and base > 0]
+        pairs = {repeat: (ours[repeat], theirs[repeat]) for repeat in ours if repeat in theirs}
+        return {repeat: one / base for repeat, (one, base) in pairs.items() if one > 0 and base > 0}
 
-    def effect(self, scene: str, tree: str, other: str, quantity: Quantity) -> Effect | None:
+    def effect(self, scene: str, tree: str, other: str | None, quantity: Quantity) -> Effect | None:
         """What the ratios say."""
-        return effect_of(self.ratios(scene, tree, other, quantity), quantity.counted)
+        return effect_of(list(self.ratios(scene, tree, other, quantity).values()), quantity.counted)
 
-    def noise(self) -> float:
-        """The noise of the run's times, from trees that are the same every time."""
-        repeated = [
-            [RENDER.read(run) for run in runs.values()]
-            for (_, measure, tree), runs in self._found.items()
-            if measure == "time" and len({run["spec"] for run in runs.values()}) == 1
-        ]
-        return noise_of(repeated) or USUAL_NOISE
+    def limit(self, scene: str, quantity: Quantity) -> float:
+        """What a difference must exceed on a scene: the noise of the medians of a quantity, or what matters of a count.
+
+        The noise is that of trees which are the same every time.
+        """
+        if quantity.counted:
+            return LEAST_DIFFERENCE
+        timed = [runs for (of, measure, _), runs in self._found.items() if (of, measure) == (scene, quantity.measure)]
+        same = [runs for runs in timed if len({run["spec"] for run in runs.values()}) == 1]
+        values = [[value for run in runs.values() if (value := quantity.read(run))] for runs in same]
+        repeats = round(median(map(len, timed))) if timed else 1
+        return max(USUAL_NOISE, noise_of(values, repeats) or 0.0)
+
+    def noise(self, scene: str) -> float:
+        """That of the times of frames."""
+        return self.limit(scene, RENDER)
 
     def triangles(self, scene: str) -> int:
         """How many a scene has."""

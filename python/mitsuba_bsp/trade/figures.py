@@ -171,7 +171,7 @@ def _added_steps(runs: Runs, scene: str, tree: str, kind: str) -> float | None:
 
 
 def _added_time(runs: Runs, scene: str, tree: str, kind: str) -> float | None:
-    ratios = runs.ratios(scene, tree, f"{tree}:precision=fast", time_of((kind,), kind))
+    ratios = runs.ratios(scene, tree, f"{tree}:precision=fast", time_of((kind,), kind)).values()
     return median(ratios) if ratios else None
 
 

@@ -90,7 +90,7 @@ def _guarantee_table(runs: Runs) -> TextTable:
 
 def _cost(runs: Runs, tree: str, other: str, quantity: Quantity) -> str:
     """What the first costs more than the second, over all scenes and repetitions, with its interval."""
-    ratios = [ratio for scene in runs.scenes for ratio in runs.ratios(scene, tree, other, quantity)]
+    ratios = [ratio for scene in runs.scenes for ratio in runs.ratios(scene, tree, other, quantity).values()]
     return more(pooled_effect(ratios))
 
 
