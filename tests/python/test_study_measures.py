@@ -262,6 +262,41 @@ class TestSlice:
             span = np.ptp(kept["cells"].reshape(-1, 2), axis=0)
             assert span[0] >= span[1] and kept["points"].shape[1] == 3
 
+    @pytest.mark.parametrize("plane", [[1, 0, 0, 1000], [0, 0, -2, 9], [1, 1, 1, -4], [0, 0, 1, -1], [0, 0, 1, 1]])
+    def test_a_plane_beside_the_scene(self, tmp_path: Path, plane: list[float]) -> None:
+        """Or one that touches it at its end: a cube of side 2."""
+        cube = tmp_path / "cube.xml"
+        cube.write_text('<scene version="3.0.0"><shape type="cube"/></scene>')
+        job = Job("slice", str(cube), "scalar_rgb", "kd", arrays=str(tmp_path / "s.npz"), choices={"plane": plane})
+        with pytest.raises(
+            ValueError, match=r"does not cut the scene, which reaches from -\d.* to \d.* along the"
+        ) as raised:
+            cross_section.measure(job, lambda _: None)
+        assert str(raised.value).startswith("the plane (") and not (tmp_path / "s.npz").exists()
+
+    @pytest.mark.parametrize("spec", ["kd", "normals", "kd:orientation=scene"])
+    @pytest.mark.parametrize("plane", [[0, 0, 1, 0.999999], [1, 1, 1, -2.9999999], [1, 1, 0, 1.9]])
+    def test_a_plane_that_just_cuts_the_scene(self, tmp_path: Path, spec: str, plane: list[float]) -> None:
+        cube = tmp_path / "cube.xml"
+        cube.write_text('<scene version="3.0.0"><shape type="cube"/></scene>')
+        job = Job("slice", str(cube), "scalar_rgb", spec, arrays=str(tmp_path / "s.npz"), choices={"plane": plane})
+        try:
+            assert cross_section.measure(job, lambda _: None)["cells"] > 0
+        except ValueError as error:
+            assert "does not cut the scene" in str(error)
+
+    def test_a_flat_scene_may_lie_in_the_plane(self, tmp_path: Path) -> None:
+        floor = tmp_path / "floor.xml"
+        floor.write_text('<scene version="3.0.0"><shape type="rectangle"/></scene>')
+        choices = {"plane": [0, 0, 1, 0]}
+        job = Job("slice", str(floor), "scalar_rgb", "kd", arrays=str(tmp_path / "s.npz"), choices=choices)
+        assert cross_section.measure(job, lambda _: None)["cells"] > 0
+
+    def test_nothing_is_left_of_a_section_beside_the_tree(self) -> None:
+        tree = neutral_tree(soup("soup", 20), parse_spec("kd:intersection_cost=2"))
+        cells, leaves = cross_section.section(tree, np.array([1, 0, 0, 1000.0]))
+        assert len(cells) == len(leaves) == 0
+
 
 class TestConvergence:
     """Errors against time."""

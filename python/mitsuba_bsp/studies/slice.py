@@ -27,7 +27,7 @@ from ..verification.meshes import Mesh
 from ..verification.polygons import Polygons, Real, cut, heights, joined
 from .normals import Subtrees, only_trees, path_to
 from .runs import Runs
-from .study import Cell, Study, StudyOptions
+from .study import Cell, Study, StudyOptions, arrays_file
 from .work import normals_and_areas, save_arrays
 
 if TYPE_CHECKING:
@@ -92,11 +92,12 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     spec = parse_spec(job.spec)
     stage(f"loading {job.scene}")
     vertices, faces = triangles_of(open_file(job.scene, params=job.params).meshes).merged()
-    stage(f"building {job.spec}")
-    tree = neutral_tree(Mesh("scene", vertices, faces), spec)
     corners = vertices[faces].astype(float)
     plane = np.array(job.choices["plane"] or default_plane(corners), float)
     plane /= np.linalg.norm(plane[:3])
+    check_crosses(plane, corners)
+    stage(f"building {job.spec}")
+    tree = neutral_tree(Mesh("scene", vertices, faces), spec)
     box = shown_box(corners)
     if not len(_box_part(plane, box)):
         box = _bounds(corners)  # who asks for a plane beside it wants to see it
@@ -108,6 +109,8 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
     if len(leaves) and np.argmax(np.ptp((cells @ across.T.astype(Real)).reshape(-1, 2), axis=0)) == 1:
         across = across[::-1]  # the longer side lies across
     flat = (cells @ across.T.astype(Real)).astype(np.float32)
+    if not len(flat) or not np.ptp(flat.reshape(-1, 2), axis=0).any():
+        raise ValueError(_beside(plane, corners))  # nearer to the scene's end than floats tell
     cost = leaf_costs(tree, spec)[leaves]
     level = depths(tree)[leaves]
     save_arrays(
@@ -159,6 +162,32 @@ def default_plane(corners: NDArray[np.float64]) -> list[float]:
     return [float(axis == 0), float(axis == 1), float(axis == 2), float(middle[axis])]
 
 
+def check_crosses(plane: NDArray[np.float64], corners: NDArray[np.float64]) -> None:
+    """ValueError unless triangles (n, 3, 3) reach to both sides of the plane, or all of them lie in it."""
+    low, high = _reach(plane, corners)
+    if not (low < plane[3] < high or low == plane[3] == high):
+        raise ValueError(_beside(plane, corners))
+
+
+def _reach(plane: NDArray[np.float64], corners: NDArray[np.float64]) -> tuple[float, float]:
+    """From where to where triangles reach along the normal of a plane."""
+    along = corners @ plane[:3]
+    return float(along.min()), float(along.max())
+
+
+def _beside(plane: NDArray[np.float64], corners: NDArray[np.float64]) -> str:
+    low, high = _reach(plane, corners)
+    return (
+        f"the plane {_equation(plane)} does not cut the scene, which reaches from {low:.6g} to {high:.6g} along the "
+        "plane's normal"
+    )
+
+
+def _equation(plane: Sequence[float]) -> str:
+    *normal, offset = (f"{number:.4g}" for number in plane)
+    return f"({', '.join(normal)}) . p = {offset}"
+
+
 def basis(plane: NDArray[np.float64]) -> NDArray[np.float64]:
     """Two unit vectors (2, 3) along a plane; of a plane across an axis they are the other axes."""
     normal = plane[:3]
@@ -195,7 +224,7 @@ def inside_box(polygons: Polygons, box: NDArray[np.float64]) -> tuple[Polygons, 
 def section(tree: NeutralTree, plane: NDArray[np.float64]) -> tuple[Polygons, NDArray[np.intp]]:
     """The polygons (m, k, 3) in which a plane meets leaf cells, and their leaves. Works downward, level by level."""
     polygons = _box_part(plane, tree.box)
-    nodes, found, leaves = np.zeros(len(polygons), int), [], []
+    nodes, found, leaves = np.zeros(len(polygons), int), [polygons[:0]], [np.zeros(0, int)]
     while len(nodes):
         at_leaf = tree.is_leaf[nodes]
         found.append(polygons[at_leaf])
@@ -304,9 +333,8 @@ def _scene_table(runs: Runs, scene: str) -> TextTable:
 
     found = {tree: runs.first(scene, "slice", tree) for tree in runs.ordered(SPECS)}
     plane = next(row["plane"] for row in found.values() if row)
-    *normal, offset = (f"{number:.4g}" for number in plane)
     return TextTable(
-        f"{scene}, {runs.triangles(scene):,} triangles, cut by ({', '.join(normal)}) . p = {offset}",
+        f"{scene}, {runs.triangles(scene):,} triangles, cut by {_equation(plane)}",
         ("spec", "cells", "empty area", "mean depth", "mean cost", "mean triangles"),
         tuple((tree, *(cells(row) if row else (NONE,) * 5)) for tree, row in found.items()),
     )
@@ -318,9 +346,15 @@ def figures(rows: Sequence[Record], folder: ResultsFolder) -> Iterator[tuple[str
 
     runs = Runs(rows)
     for scene in runs.scenes:
-        found = {tree: row for tree in runs.ordered(SPECS) if (row := runs.first(scene, "slice", tree))}
-        yield f"slice-{scene}", section_figure(scene, found, folder)
-        yield f"slice-planes-{scene}", planes_figure(scene, found, folder)
+        found = {
+            tree: row
+            for tree in runs.ordered(SPECS)
+            if (row := runs.first(scene, "slice", tree))
+            and arrays_file(folder, "slice", scene, str(row["spec"])).is_file()
+        }
+        if found:
+            yield f"slice-{scene}", section_figure(scene, found, folder)
+            yield f"slice-planes-{scene}", planes_figure(scene, found, folder)
 
 
 STUDY = Study(
