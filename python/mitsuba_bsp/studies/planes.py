@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from .. import _core
 from ..accelerator import survey_planes
 from ..contenders import build, triangles_of
-from ..figures import COLOURS, GUIDE, new_figure, plain
+from ..figures import COLOURS, new_figure, plain
 from ..jobs import Job
 from ..loading import open_file
 from ..records import Record, ResultsFolder
@@ -25,6 +25,7 @@ from .study import Cell, Study, StudyOptions
 if TYPE_CHECKING:
     from argparse import _ArgumentGroup as OptionGroup
 
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -45,7 +46,8 @@ _LEGEND = (
     "Planes that a build looks at, per level of the tree. Predicted is what the papers say: so many planes per "
     "triangle in every node, of which fixed directions and planes of triangles come back on every level. Considered "
     "planes lie inside their node's cell, equal ones of a node counted once; different planes are counted once "
-    "however many nodes look at them."
+    "however many nodes look at them, those of a level among the level's own; how many are different up to a level is "
+    "predicted only, and counted for all levels together."
 )
 
 
@@ -82,9 +84,13 @@ def measure(job: Job, stage: Callable[[str], None]) -> dict[str, Any]:
 
 
 def tables(rows: Sequence[Record]) -> list[TextTable]:
-    """Table 2.1, and predicted beside counted for every scene."""
+    """Table 2.1, and predicted beside counted for every scene, in all and level by level."""
     runs = Runs(rows)
-    return [*_traits_tables(runs, rows), *(_scene_table(runs, scene) for scene in runs.scenes)]
+    return [
+        *_traits_tables(runs, rows),
+        *(_scene_table(runs, scene) for scene in runs.scenes),
+        *(table for scene in runs.scenes for table in _level_tables(runs, scene)),
+    ]
 
 
 def _traits_tables(runs: Runs, rows: Sequence[Record]) -> list[TextTable]:
@@ -109,7 +115,7 @@ def _traits_tables(runs: Runs, rows: Sequence[Record]) -> list[TextTable]:
         ),
         TextTable(
             "what a node of n triangles looks at (table 2.1)",
-            ("", *(tree.partition(",cost")[0].partition(":cost")[0] for tree in trees)),
+            ("", *map(_short, trees)),
             tuple((name, *map(cell, trees)) for name, cell in properties.items()),
         ),
     ]
@@ -132,10 +138,47 @@ def _scene_table(runs: Runs, scene: str) -> TextTable:
         )
 
     return TextTable(
-        f"{scene}, {runs.first(scene, 'planes', runs.trees[0])['triangles']:,} triangles: millions of planes",
+        f"{scene}, {runs.triangles(scene):,} triangles: millions of planes",
         ("spec", "levels", "considered, predicted", "counted", "different, predicted", "counted", "different share"),
         tuple((tree, *cells(tree)) for tree in runs.ordered(TREES)),
     )
+
+
+def _level_tables(runs: Runs, scene: str) -> list[TextTable]:
+    """A line a level, a column a tree: what is counted, and in brackets what is predicted."""
+    found = {tree: row for tree in runs.ordered(TREES) if (row := runs.first(scene, "planes", tree))}
+    foreseen = {tree: predicted(row) for tree, row in found.items()}
+    levels = max(len(row["planes"]) for row in found.values())
+
+    def table(place: int, name: str, words: str, whole: Callable[[Sequence[int]], int]) -> TextTable:
+        def cell(tree: str, level: int) -> str:
+            counted = found[tree]["planes"]
+            if level >= len(counted):
+                return NONE
+            return _both(counted[level][place], foreseen[tree][name][level])
+
+        sums = (_both(row["whole"][place], whole(foreseen[tree][name])) for tree, row in found.items())
+        lines = (tuple(cell(tree, level) for tree in found) for level in range(levels))
+        return TextTable(
+            f"{scene}: millions of {words}",
+            ("level", *map(_short, found)),
+            (*((str(level), *line) for level, line in enumerate(lines)), ("all", *sums)),
+        )
+
+    words = "different planes, counted on the level alone (predicted up to it)"
+    return [
+        table(0, "considered", "planes considered on a level, counted (predicted)", sum),
+        table(1, "different", words, lambda up_to: max(up_to, default=0)),
+    ]
+
+
+def _both(counted: float, foreseen: float) -> str:
+    return f"{counted / 1e6:.3g} ({foreseen / 1e6:.3g})"
+
+
+def _short(tree: str) -> str:
+    """Without the prices, which all trees of the default have."""
+    return tree.removesuffix(",cost=thesis").removesuffix(":cost=thesis")
 
 
 def predicted(row: Record) -> Mapping[str, list[int]]:
@@ -155,28 +198,37 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
     trees = runs.ordered(TREES)
     figure = new_figure(1 + 2.2 * len(trees), 0.8 + 2.2 * len(runs.scenes))
     grid = figure.subplots(len(runs.scenes), len(trees), sharex="row", sharey="row", squeeze=False)
+    labelled: dict[str, Artist] = {}
     for line, scene in zip(grid, runs.scenes, strict=True):
         for panel, tree in zip(line, trees, strict=True):
             if row := runs.first(scene, "planes", tree):
                 _draw(panel, row)
+                labelled = labelled or {drawn.get_label(): drawn for drawn in panel.lines}
             plain(panel)
         line[0].set_ylabel(f"{scene}\nplanes")
     for panel, tree in zip(grid[0], trees, strict=True):
-        panel.set_title(tree.removesuffix(",cost=thesis").removesuffix(":cost=thesis"), fontsize=9)
+        panel.set_title(_short(tree), fontsize=9)
     for panel in grid[-1]:
         panel.set_xlabel("level")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    columns = 3 if len(trees) > 2 else 1
+    figure.legend(labelled.values(), labelled.keys(), loc="outside lower center", ncols=columns, frameon=False)
     yield "planes", figure
 
 
 def _draw(panel: Axes, row: Record) -> None:
     colour = COLOURS[spec_of(str(row["tree"])).name]
-    levels = range(len(row["planes"]))
+    levels, foreseen = range(len(row["planes"])), predicted(row)
     panel.set_yscale("log")
-    panel.plot(levels, predicted(row)["considered"], ":", color=GUIDE, label="considered, predicted")
+    panel.plot(levels, foreseen["considered"], color="0.8", linewidth=3, label="considered, predicted")
     panel.plot(levels, [max(1, considered) for considered, _ in row["planes"]], "-", color=colour, label="considered")
+    panel.plot(
+        levels, foreseen["different"], ":", color=colour, linewidth=1.8, label="different up to the level, predicted"
+    )
     panel.plot(levels, [max(1, new) for _, new in row["planes"]], "--", color=colour, label="different on the level")
+    panel.plot(
+        levels[-1:], [max(1, row["whole"][1])] * len(levels[-1:]), "D", color=colour, markersize=4,
+        label="different in all",
+    )  # fmt: skip
 
 
 def _yes(true: bool) -> str:
