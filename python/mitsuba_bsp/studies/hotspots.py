@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from statistics import median
 from typing import TYPE_CHECKING
@@ -21,6 +21,7 @@ from .verdicts import percent
 from .work import PIXELS, SHARES
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -29,6 +30,9 @@ BASELINE = "kd"
 
 #: The kd-tree along axes of the scene's own, whose line must not look like that of the other.
 ORIENTED = "kd:orientation=scene"
+
+#: Scenes beside each other in the figure.
+_COLUMNS = 3
 
 _LEGEND = (
     "The cost of a pixel is the price of the work for its rays, in units of one axis-aligned plane, at the prices "
@@ -75,40 +79,57 @@ def _scene_table(runs: Runs, scene: str, of: str) -> TextTable:
 def figures(rows: Sequence[Record], folder: ResultsFolder) -> Iterator[tuple[str, Figure]]:
     """How the cost of pixels is spread, and for every scene the heat maps of all accelerators."""
     runs = Runs(rows)
-    yield "hotspots", _spread_figure(runs)
+    if figure := _spread_figure(runs):
+        yield "hotspots", figure
     for scene in runs.scenes:
         figure = heat_maps(runs, scene, folder, SPECS, "cost")
         if figure:
             yield f"hotspots-{scene}", figure
 
 
-def _spread_figure(runs: Runs) -> Figure:
+def _spread_figure(runs: Runs) -> Figure | None:
     """The dearest pixels: cost over the mean of kd's against the share of pixels that are cheaper.
 
-    Mitsuba's kd-tree is left out: its costs are in another unit.
+    Mitsuba's kd-tree is left out: its costs are in another unit. None if nothing else was measured.
     """
     styles = {tree: style for tree, style in lines_of(runs.ordered(SPECS)).items() if spec_of(tree).is_tree}
     if ORIENTED in styles:
         styles[ORIENTED] = {"color": COLOURS["embree"], "linestyle": "--"}  # which tells no costs
-    figure = new_figure(1 + 3.1 * len(runs.scenes), 1.1 + 2.9 * len(PIXELS))
-    grid = figure.subplots(len(PIXELS), len(runs.scenes), sharex=True, squeeze=False)
-    for line, (of, words) in zip(grid, PIXELS.items(), strict=True):
-        for panel, scene in zip(line, runs.scenes, strict=True):
-            base = runs.first(scene, "work", BASELINE)
-            unit = base["pixels"]["cost"][of]["mean"] if base else 1
-            for tree, style in styles.items():
-                if row := runs.first(scene, "work", tree):
-                    costs = np.array(row["pixels"]["cost"][of]["quantiles"]) / unit
-                    panel.plot(100 * SHARES, costs, **style, linewidth=1.2, label=tree)
-            _scale(panel)
-        line[0].set_ylabel(f"{words}: cost\nover the mean of {BASELINE}")
-    for panel, scene in zip(grid[0], runs.scenes, strict=True):
-        panel.set_title(scene)
-    for panel in grid[-1]:
-        panel.set_xlabel("% of the pixels that are cheaper")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    scenes = [scene for scene in runs.scenes if any(runs.first(scene, "work", tree) for tree in styles)]
+    if not scenes:
+        return None
+    columns = min(_COLUMNS, len(scenes))
+    lines = -(-len(scenes) // columns)
+    figure = new_figure(1 + 3.4 * columns, 1 + len(PIXELS) * (0.4 + 2.6 * lines))
+    parts = figure.subfigures(len(PIXELS), squeeze=False, hspace=0.03)[:, 0]
+    labelled: dict[str, Artist] = {}
+    for part, (of, words) in zip(parts, PIXELS.items(), strict=True):
+        part.suptitle(f"{words}: cost over the mean of {BASELINE}")
+        panels = part.subplots(lines, columns, sharex=True, squeeze=False).ravel()
+        for panel, scene in zip(panels, scenes, strict=False):
+            _draw(panel, runs, scene, of, styles)
+            labelled |= {line.get_label(): line for line in panel.lines}
+        for panel in panels[: len(scenes)][-columns:]:
+            panel.xaxis.set_tick_params(labelbottom=True)
+            panel.set_xlabel("% of the pixels that are cheaper")
+        for panel in panels[len(scenes) :]:
+            panel.set_axis_off()
+    shown = [tree for tree in styles if tree in labelled]
+    handles = [labelled[tree] for tree in shown]
+    figure.legend(handles, shown, loc="outside lower center", ncols=min(len(shown), 2 * columns), frameon=False)
     return figure
+
+
+def _draw(panel: Axes, runs: Runs, scene: str, of: str, styles: Mapping[str, Mapping[str, str]]) -> None:
+    """The costs of one scene, whose title tells where kd's are missing."""
+    base = runs.first(scene, "work", BASELINE)
+    unit = base["pixels"]["cost"][of]["mean"] if base else 1
+    for tree, style in styles.items():
+        if row := runs.first(scene, "work", tree):
+            costs = np.array(row["pixels"]["cost"][of]["quantiles"]) / unit
+            panel.plot(100 * SHARES, costs, **style, linewidth=1.2, label=tree)
+    panel.set_title(scene if base else f"{scene}, cost itself: no {BASELINE}")
+    _scale(panel)
 
 
 def _scale(panel: Axes) -> None:
