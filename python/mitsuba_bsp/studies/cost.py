@@ -37,8 +37,8 @@ LAYOUTS = ("binary", "wide")
 #: Of scenes in the figure.
 _MARKERS, _FAINT = "os^Dv*", 0.45
 
-#: How far the points of rules lie from their alpha, and those of scenes from each other.
-_SHIFTS, _ASIDE = (0, -0.2, 0, 0.2), 0.05
+#: Where the lanes of rules lie in the band of an alpha, which is 1 wide; scenes share the width of a lane.
+_LANES, _WIDTH = (0, -0.27, 0, 0.27), 0.16
 
 #: The rules of oblique prices: the setting `oblique_price`, and whether splits are tried again at the constant price.
 RULES = {
@@ -224,11 +224,14 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
     runs = Runs(rows)
     found = found_prices(runs)
     names = sorted({price.name for price in found})
+    if not names:
+        return
     figure = new_figure(13, 0.9 + 3.6 * len(LAYOUTS) * len(names))
     grid = figure.subplots(len(LAYOUTS) * len(names), 3, sharex=True, squeeze=False)
     for line, (name, layout) in zip(grid, [(n, layout) for n in names for layout in LAYOUTS], strict=True):
         for panel, quantity in zip(line, _QUANTITIES, strict=True):
-            _draw(panel, runs, {p: t for p, t in found.items() if (p.name, p.layout) == (name, layout)}, quantity)
+            own = {p: t for p, t in found.items() if (p.name, p.layout) == (name, layout)}
+            _draw(panel, runs, own, layout, quantity)
         line[0].set_ylabel(f"{name}, {layout}\n% of kd; thick: geometric mean of scenes")
     for panel, title in zip(grid[0], ("render time", "triangle tests", "steps"), strict=True):
         panel.set_title(title)
@@ -238,17 +241,18 @@ def figures(rows: Sequence[Record], _: ResultsFolder) -> Iterator[tuple[str, Fig
     yield "cost", figure
 
 
-def _draw(panel: Axes, runs: Runs, found: dict[Price, str], quantity: Quantity) -> None:
-    """Places are those of alphas, in order; what has none is left of them, with a line across."""
+def _draw(panel: Axes, runs: Runs, found: dict[Price, str], layout: str, quantity: Quantity) -> None:
+    """A band an alpha, with a lane a rule; what has none is left of them, with a line across."""
     panel.axhline(100, color=GUIDE, linewidth=0.8, linestyle=":")
     alphas = _alphas(found)
+    for band in range(0, len(alphas) + 1, 2):
+        panel.axvspan(band - 0.5, band + 0.5, color="0.96", zorder=0)
     places = {alpha: place for place, alpha in enumerate((None, *alphas))}
-    for shift, (rule, colour) in zip(_SHIFTS, _COLOURS.items(), strict=True):
-        own = {places[price.alpha]: tree for price, tree in found.items() if price.rule == rule}
-        layout = next(iter(found)).layout
+    for lane, (rule, colour) in zip(_LANES, _COLOURS.items(), strict=True):
+        own = {places[price.alpha] + lane: tree for price, tree in found.items() if price.rule == rule}
         for number, scene in enumerate(runs.scenes):
             effects = {place: runs.effect(scene, tree, _kd(layout), quantity) for place, tree in own.items()}
-            aside = shift + _ASIDE * (number - (len(runs.scenes) - 1) / 2)
+            aside = _WIDTH * ((number + 0.5) / len(runs.scenes) - 0.5)
             points = [(place + aside, effect.ratio) for place, effect in effects.items() if effect]
             for place, ratio in points:
                 panel.plot([place] * 2, [100 * ratio.low, 100 * ratio.high], color=colour, alpha=_FAINT, linewidth=1)
@@ -264,7 +268,9 @@ def _draw(panel: Axes, runs: Runs, found: dict[Price, str], quantity: Quantity) 
         elif line:
             panel.plot(*zip(*line, strict=True), color=colour, linewidth=1.6)
     panel.set_xticks(list(places.values()), ["none", *(f"{alpha:g}" for alpha in alphas)])
+    panel.set_xlim(-0.5, len(alphas) + 0.5)
     plain(panel)
+    panel.grid(visible=False, axis="x")
 
 
 def _legend_lines(runs: Runs) -> list[Line2D]:
