@@ -211,7 +211,9 @@ def _curves(runs: Runs) -> Figure:
             panel.set_xlabel("seconds, building included")
             panel.set_title(f"{scene}: {name}", fontsize=10)
             plain(panel)
-    handles, labels = grid[0, 0].get_legend_handles_labels()
+    drawn = {line.get_label(): line for panel in grid[:, 0] for line in panel.lines}  # a scene may lack some
+    labels = [tree for tree in runs.ordered(SPECS) if tree in drawn]
+    handles = [drawn[tree] for tree in labels]
     figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return figure
 
