@@ -33,6 +33,7 @@ def _add_study(commands: argparse._SubParsersAction[argparse.ArgumentParser], st
     sub = commands.add_parser(study.name, help=study.help, description=study.legend)
     own = sub.add_argument_group("what is studied")
     chosen = study.add_options(own)
+    _spell_lists(own)
     if study.repeated:
         own.add_argument(
             "--repeats",
@@ -49,6 +50,13 @@ def _add_study(commands: argparse._SubParsersAction[argparse.ArgumentParser], st
     add_threads_option(sub)
     add_scheduler_option(sub)
     sub.set_defaults(run=partial(_study, study, chosen, command), repeats=study.repeats)
+
+
+def _spell_lists(group: argparse._ArgumentGroup) -> None:
+    """Show the defaults of options that take several words as they would be typed."""
+    for action in group._group_actions:
+        if isinstance(action.default, list | tuple) and action.help:
+            action.help = action.help.replace("%(default)s", " ".join(map(str, action.default)))
 
 
 def _study(study: Study, chosen: Sequence[str], command: str, args: argparse.Namespace) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from conftest import scene_xml
 from fake_workers import Workers, study
 
+from mitsuba_bsp import cli
 from mitsuba_bsp.studies import STUDIES
 from mitsuba_bsp.studies.study import Cell, StudyOptions, specs_of, timed_and_counted
 
@@ -142,3 +144,12 @@ def test_bad_input(
 def test_what_is_no_plane(room: Path, capfd: pytest.CaptureFixture[str], plane: str) -> None:
     assert study("slice", room, f"--plane={plane}") == 2
     assert f'"{plane}" is no plane: give x=N' in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("words", [*(("study", name) for name in STUDIES), ("heatmap",), ("trade",)])
+def test_help_shows_defaults_as_they_are_typed(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main([*words, "--help"])
+    options = capsys.readouterr().out.partition("what is studied:")[2]
+    assert "default: " in options or words == ("study", "claims")
+    assert not re.search(r"default: [\[(]|', '", options)

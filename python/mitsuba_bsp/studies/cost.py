@@ -79,7 +79,7 @@ class Price:
 def add_options(group: OptionGroup) -> Sequence[str]:
     """Which trees and prices."""
     group.add_argument("--trees", nargs="+", default=["normals"], metavar="NAME", help="default: normals")
-    group.add_argument("--alpha", nargs="+", type=float, default=ALPHAS, metavar="X", help=f"default: {ALPHAS}")
+    group.add_argument("--alpha", nargs="+", type=float, default=ALPHAS, metavar="X", help="default: %(default)s")
     return ("trees", "alpha")
 
 
