@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+import mitsuba_bsp
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -19,6 +21,10 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
     client = pytest.importorskip("nbclient").NotebookClient
     notebook = nbformat.read(DOCS / "swap-trees.ipynb", as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells), "outputs are not stored"
+    source = "\n".join(cell.source for cell in notebook.cells)
+    assert not re.search(r"mitsuba_bsp\.\w+ import|import mitsuba_bsp\.", source), "what is not documented may change"
+    names = set(re.findall(r"mitsuba_bsp\.(\w+)", source))
+    assert "load_file" in names and names <= set(mitsuba_bsp.__all__)
     client(notebook, timeout=300, resources={"metadata": {"path": tmp_path}}).execute()
     shown = [str(output) for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("of the area lies along the axes" in text for text in shown)
