@@ -32,11 +32,8 @@ LISTED, DRAWN = (*range(1, 13), 20, 50, 100), (1, 2, 3, 7)
 #: Trees that are left out in turn, at most.
 MISSING = 6
 
-#: `directions` looks for the kd-tree of every layout.
-_OPEN = {"directions": pytest.mark.xfail(reason="needs a record of kd in each layout", strict=False)}
 
-
-@pytest.fixture(params=[pytest.param(name, marks=_OPEN.get(name, ())) for name in WORDS])
+@pytest.fixture(params=WORDS)
 def name(request: pytest.FixtureRequest) -> str:
     return request.param
 
