@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from operator import itemgetter
 from statistics import median
 
+from ..expected_rays import AUTO
+from ..inference import adjusted, effect_of, finding, noise_of
 from ..intervals import Interval, median_interval
 from ..outcomes import Outcome
 from ..records import Record, of
-from ..spec import names, parse_spec
-from ..studies.runs import BUILD, RENDER, Quantity
+from ..spec import names
+from ..studies.runs import BUILD, RENDER, USUAL_NOISE, Quantity, spec_of
+from ..totals import TotalOptions
+from ..trade import found as trade
 
 _Select = Callable[[Sequence[Record]], dict[str, dict[int, float]]]
+_Timed = tuple[str, str, _Select]  #: what is timed, in which unit, and how it is found in the records
 
 
 @dataclass(frozen=True)
 class Measure:
     """What was timed in one scene: seconds (of rays: nanoseconds) of every accelerator, by its repetitions.
 
-    A speed is the median of the ratios of repetitions, as in all tables.
+    A speed is the median of the ratios of repetitions, as in all tables. `varied` are trees that are not the same in
+    all repetitions, for they have seeds.
     """
 
     scene: str
@@ -28,6 +35,7 @@ class Measure:
     run: str  #: the name of its results folder
     unit: str
     times: Mapping[str, Mapping[int, float]]
+    varied: Collection[str] = ()
 
     @property
     def is_build(self) -> bool:
@@ -48,38 +56,59 @@ class Measure:
 
     def speedup(self, spec: str, over: str) -> Interval | None:
         """The other's time over this one's; None if they have no repetition in common."""
-        repeats = self._common(spec, over)
-        mine, theirs = ([self.times[name][repeat] for repeat in repeats] for name in (spec, over))
-        if not repeats:
-            return None
-        return median_interval([other / own for own, other in zip(mine, theirs, strict=True)])
+        ratios = self._ratios(over, spec)
+        return _median_interval(tuple(ratios)) if ratios else None
 
-    def leads(self, spec: str, over: str) -> bool:
-        """Whether it is quicker than the other by more than the noise of their repetitions."""
-        found = self.speedup(spec, over)
-        return found is not None and len(self._common(spec, over)) > 1 and found.low > 1
+    def led(self, spec: str, others: Sequence[str]) -> list[str]:
+        """Those of the others that it is quicker than: by more than the noise, and not by chance.
+
+        Chance is corrected for the number of others.
+        """
+        ratios = [self._ratios(spec, other) for other in others]
+        effects = [effect_of(found) for found in ratios]
+        noise = {count: self._noise(count) for count in {len(found) for found in ratios if found}}
+        return [
+            other
+            for other, found, effect, p in zip(others, ratios, effects, adjusted(effects), strict=True)
+            if effect and finding(effect, p, noise[len(found)]) == "less"
+        ]
 
     def ranking(self) -> list[str]:
         """Our trees that promise their answers, the quickest first; not brute force."""
         return sorted(filter(_competes, self.times), key=self.median)
 
-    def _common(self, spec: str, other: str) -> list[int]:
-        theirs = self.times.get(other, {})
-        return [repeat for repeat in self.times.get(spec, {}) if repeat in theirs]
+    def _ratios(self, spec: str, over: str) -> list[float]:
+        """One's time over the other's, repetition by repetition of those that both have."""
+        ours, theirs = self.times.get(spec, {}), self.times.get(over, {})
+        return [ours[repeat] / theirs[repeat] for repeat in ours if repeat in theirs]
+
+    def _noise(self, repeats: int) -> float:
+        """By how much medians of so many ratios differ from 1 where nothing differs."""
+        same = [list(runs.values()) for spec, runs in self.times.items() if spec not in self.varied]
+        return max(USUAL_NOISE, noise_of(same, repeats) or 0)
 
 
 def measures(outcome: Outcome) -> Iterator[Measure]:
     """All that an outcome timed; nothing if it is about something else."""
     rows = outcome.folder.records()
-    for what, unit, select in _TIMES.get(outcome.command, ()):
-        for scene in outcome.scenes:
-            times = select(of(rows, scene=scene.name))
-            if times:
-                yield Measure(scene.name, what, outcome.folder.path.name, unit, times)
+    for scene in outcome.scenes:
+        own = of(rows, scene=scene.name)
+        specs: dict[str, set[str]] = {}
+        for row in own:
+            specs.setdefault(str(row.get("tree", row["spec"])), set()).add(str(row["spec"]))
+        varied = [tree for tree, found in specs.items() if len(found) > 1]
+        for what, unit, select in _timed(outcome):
+            if times := select(own):
+                yield Measure(scene.name, what, outcome.folder.path.name, unit, times, varied)
+
+
+@cache
+def _median_interval(values: tuple[float, ...]) -> Interval:
+    return median_interval(values)
 
 
 def _competes(text: str) -> bool:
-    spec = parse_spec(text)
+    spec = spec_of(text)
     return spec.is_exact and spec.name != "brute"
 
 
@@ -124,11 +153,60 @@ def _is_accelerator(spec: str) -> bool:
     return spec.partition(":")[0] in names()
 
 
-_BUILDING = ("building", "s", _times(_build_s))
-_TIMES: Mapping[str, Sequence[tuple[str, str, _Select]]] = {
+def _pass_s(row: Record) -> float:
+    last = row["points"][-1]
+    return (last["seconds"] - row["build_s"]) / last["passes"]
+
+
+def _ray_ns(row: Record) -> float | None:
+    seconds = trade.FRAME.read(row)
+    return None if seconds is None else 1e9 * seconds
+
+
+def _totals(options: TotalOptions) -> Iterator[_Timed]:
+    """Frames and pictures of scenes that are not turned; a tree that `auto` chose is another for every picture."""
+
+    def frame_s(row: Record, spp: int) -> float:
+        measured = min(spp, options.spp or spp)
+        return row["frames_s"][str(measured)] * spp / measured
+
+    def fixed(read: Callable[[Record], float | None]) -> _Select:
+        return lambda rows: _times(read)(of(rows, turned=False, for_spp=0))
+
+    def picture(spp: int) -> _Select:
+        def is_its(row: Record) -> bool:
+            return not row["turned"] and row["for_spp"] == (spp if spec_of(row["spec"]).name == AUTO else 0)
+
+        read = _times(lambda row: row["build_s"] + frame_s(row, spp))
+        return lambda rows: read([row for row in rows if is_its(row)])
+
+    largest = max(options.samples)
+    yield "rendering", "s", fixed(lambda row: frame_s(row, min(largest, options.spp or largest)))
+    yield "building", "s", fixed(itemgetter("build_s"))
+    for spp in options.samples:
+        yield f"building and {spp} spp", "s", picture(spp)
+
+
+def _timed(outcome: Outcome) -> Sequence[_Timed]:
+    """What the command times."""
+    if isinstance(outcome.options, TotalOptions):
+        return list(_totals(outcome.options))
+    studied = _STUDIED if outcome.command.startswith("study ") else ()
+    return _TIMES.get(outcome.command, studied)
+
+
+_BUILDING: _Timed = ("building", "s", _times(_build_s))
+_RAYS: _Timed = ("a ray", "ns", _rays)
+_STUDIED: Sequence[_Timed] = (("rendering", "s", _of_study(RENDER)), ("building", "s", _of_study(BUILD)))
+_TIMES: Mapping[str, Sequence[_Timed]] = {
     "compare": (("rendering", "s", _times(itemgetter("render_s"))), _BUILDING),
     "bench render": (("frame", "s", _times(itemgetter("frame_s"))),),
-    "bench rays": (("a ray", "ns", _rays),),
+    "bench rays": (_RAYS,),
+    "calibrate": (_RAYS,),
     "bench build": (_BUILDING,),
-    "study comparison": (("rendering", "s", _of_study(RENDER)), ("building", "s", _of_study(BUILD))),
+    "study convergence": (("a pass", "s", _times(_pass_s)), ("building", "s", _times(itemgetter("build_s")))),
+    "trade": (
+        ("a ray", "ns", _of_study(Quantity("a ray", "speed", _ray_ns))),
+        ("building", "s", _of_study(trade.BUILD)),
+    ),
 }

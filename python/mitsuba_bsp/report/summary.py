@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import geometric_mean
@@ -34,8 +35,14 @@ class Win:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the lead over the second is more than the noise of the runs."""
-        return self.lead is not None and self.second not in self.rivals
+        """Whether it leads all others by more than noise and chance."""
+        return self.lead is not None and not self.rivals
+
+    @property
+    def tied(self) -> str:
+        """Those that are as quick for all that is known."""
+        more = f" and {len(self.rivals) - 1} more" if len(self.rivals) > 1 else ""
+        return f"{self.rivals[0]}{more}" if self.rivals else ""
 
 
 def wins(measures: Sequence[Measure]) -> Iterator[Win]:
@@ -46,7 +53,9 @@ def wins(measures: Sequence[Measure]) -> Iterator[Win]:
         if measure.is_build or not ranking:
             continue
         best, second = ranking[0], ranking[1] if len(ranking) > 1 else ""
-        building = next((b for b in built if b.scene == measure.scene and best in b.times), None)
+        led = measure.led(best, ranking[1:])
+        buildings = [b for b in built if b.scene == measure.scene and best in b.times]
+        building = next((b for b in buildings if b.run == measure.run), next(iter(buildings), None))
         yield Win(
             scene=measure.scene,
             what=measure.what,
@@ -56,7 +65,7 @@ def wins(measures: Sequence[Measure]) -> Iterator[Win]:
             others={name: measure.speedup(best, name) for name in BASELINES},
             second=second,
             lead=measure.speedup(best, second) if second else None,
-            rivals=[other for other in ranking[1:] if not measure.leads(best, other)],
+            rivals=[other for other in ranking[1:] if other not in led],
             build_s=building.median(best) if building else None,
             builds=building.median(best) / building.median("native")
             if building and "native" in building.times
@@ -77,19 +86,30 @@ def sentences(found: Sequence[Win]) -> list[str]:
         by_tree: dict[str, list[str]] = {}
         for win in own:
             if not win.rivals:
-                by_tree.setdefault(win.spec, []).append(win.scene)
+                by_tree.setdefault(win.spec if win.second else f"{win.spec}, our only one,", []).append(win.scene)
         places = [f"{tree} in {', '.join(scenes)}" for tree, scenes in by_tree.items()]
-        if tied := [f"{win.scene} ({_tied(win)})" for win in own if win.rivals]:
-            places.append(f"no clear winner in {', '.join(tied)}")
+        if tied := [win for win in own if win.rivals]:
+            places.append(f"no clear winner in {_tied(tied, len(own))}")
         speed = f" is {' and '.join(parts)} (geometric mean)" if parts else ""
-        texts.append(f"{_NAMES.get(what, what)} ({run}). The best of our trees{speed}: {'; '.join(places)}.")
+        texts.append(
+            f"{_NAMES.get(what) or what.capitalize()} ({run}). The best of our trees{speed}: {'; '.join(places)}."
+        )
     return texts
 
 
-def _tied(win: Win) -> str:
-    """The quickest, and those that are as quick for all that is known."""
-    more = f" and {len(win.rivals) - 1} more" if len(win.rivals) > 1 else ""
-    return f"{win.spec}, {win.rivals[0]}{more}"
+def _tied(found: Sequence[Win], scenes: int) -> str:
+    """Where no tree wins, and which are the quickest there for all that is known."""
+    if len(found) <= _FEW:
+        return ", ".join(f"{win.scene} ({win.spec}, {win.tied})" for win in found)
+    where = f"any of the {scenes} scenes" if len(found) == scenes else ", ".join(win.scene for win in found)
+    counts = Counter(tree for win in found for tree in (win.spec, *win.rivals))
+    most = max(counts.values())
+    often = [tree for tree, count in counts.items() if count == most]
+    more = f" and {len(often) - _FEW} more" if len(often) > _FEW else ""
+    return f"{where}; most often among the quickest ({most} of {len(found)}): {', '.join(often[:_FEW])}{more}"
 
 
-_NAMES = {"rendering": "Rendering", "frame": "Whole frames", "a ray": "Rays alone"}
+#: Of so many scenes or trees all are named.
+_FEW = 3
+
+_NAMES = {"frame": "Whole frames", "a ray": "Rays alone", "a pass": "Passes of a picture"}
