@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from itertools import count
 from pathlib import Path
 
 from .messages import amount
 from .records import ResultsFolder
 from .report.page import make_page
 from .tables_cli import results_folders
-from .terminal import OK, err, out
+from .terminal import OK, err, out, say
 
 NAME = "report.html"
 
@@ -27,10 +28,19 @@ def _report(args: argparse.Namespace) -> int:
     folders = results_folders(args.folder)
     ResultsFolder(args.folder).check_writable()
     what = amount(len(folders), "results folder")
-    with err.status(f"reading {what}"):
-        page = make_page(folders, args.title or "Ray tracing accelerators compared")
+    with err.status(f"reading {what}") as status:
+        numbers = count(1)
+
+        def begin(name: str) -> None:
+            status.update(f"reading {name} ({next(numbers)} of {len(folders)})")
+
+        page = make_page(folders, args.title or "Ray tracing accelerators compared", begin, _left_out)
     file = args.folder / NAME
     file.write_text(page, encoding="utf-8")
     text = f"{file}: {what}, {len(page.encode()) / 1e6:.1f} MB"
     out.print(text, soft_wrap=True, markup=False)
     return OK
+
+
+def _left_out(sentence: str) -> None:
+    say("left out", sentence, "yellow")

@@ -16,9 +16,12 @@ import pytest
 from conftest import REPORTED, error_line
 
 from mitsuba_bsp.comparison import Options
+from mitsuba_bsp.exr import read_exr, write_exr
 from mitsuba_bsp.intervals import Interval
 from mitsuba_bsp.outcomes import Outcome, outcomes
 from mitsuba_bsp.records import ResultsFolder
+from mitsuba_bsp.report.anatomy import anatomy_table
+from mitsuba_bsp.report.charts import trade_chart
 from mitsuba_bsp.report.descriptions import described
 from mitsuba_bsp.report.measures import Measure, measures
 from mitsuba_bsp.report.page import make_page
@@ -181,12 +184,46 @@ class TestPage:
         lines = (tmp_path / "two" / "records.jsonl").read_text().splitlines()
         rows = [{**json.loads(line), "cpu": "another processor"} for line in lines]
         (tmp_path / "two" / "records.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-        first, second = make_page(results_folders(tmp_path), "Two").split('<section id="summary-2">')
-        first, second = text_of(first.partition("<main>")[2]), text_of(second)
-        assert "machine 1 of 2" in first and "room, machine 1" in first and "machine 2" not in first
-        assert "machine 2 of 2" in second and "room, machine 2" in second and "machine 1" not in second
-        assert "another processor" not in first and second.count("cpu another processor") > 1
-        assert all(part.count(". The best of our trees") == 1 for part in (first, second))
+        main = make_page(results_folders(tmp_path), "Two").partition("<main>")[2]
+        overview, *own = main.split('<details class="all-of"')
+        summaries = overview.split('<section class="overview"')[1:]
+        for parts in (summaries, own):
+            first, second = map(text_of, parts)
+            assert "Machine 2" not in first and "machine 2" not in first and "another processor" not in first
+            assert "Machine 1" not in second and "machine 1" not in second and "another processor" in second
+        assert all("room, machine" in part for part in own)
+        assert all(
+            part.count(". The best of our trees") == 1 for part in overview.split('<section class="overview"')[1:]
+        )
+
+    def test_the_summary_of_all_machines_comes_first(self, results: Path, tmp_path: Path) -> None:
+        for name in ("heat", "rays"):
+            shutil.copytree(results / name, tmp_path / name)
+            file = tmp_path / name / "records.jsonl"
+            file.write_text(re.sub('"cpu": "[^"]*', f'"cpu": "of {name}', file.read_text()))
+        page = make_page(results_folders(tmp_path), "Two").partition("<main>")[2]
+        summary = text_of(page.partition('<details class="all-of"')[0])
+        assert "scene hash" not in summary and "Anatomy" not in summary
+        assert summary.index("Machine 1: of rays (rays)") < summary.index("Machine 2: of heat (heat)")
+        assert summary.count("No tracing was timed here") == 1
+        assert re.findall('<details class="all-of" id="machine-(.)"( open)?>', page) == [("1", " open"), ("2", "")]
+        assert page.count("When a tree wins") == 1
+
+    def test_what_was_timed_is_not_denied(self, results: Path, tmp_path: Path) -> None:
+        shutil.copytree(results / "compare", tmp_path / "compare", ignore=shutil.ignore_patterns("images"))
+        for spec in ("kd", "normals"):
+            file = tmp_path / "compare" / "records.jsonl"
+            lines = [line for line in file.read_text().splitlines() if json.loads(line)["spec"] != spec]
+            file.write_text("".join(f"{line}\n" for line in lines))
+        shown = text_of(make_page(results_folders(tmp_path), "Foreign"))
+        assert "None of our trees was timed here" in shown and "No tracing was timed" not in shown
+
+    def test_runs_are_named_where_there_are_several(self, results: Path, tmp_path: Path) -> None:
+        shutil.copytree(results / "rays", tmp_path / "one")
+        head = ">timed</button>"
+        assert head not in make_page(results_folders(tmp_path), "One")
+        shutil.copytree(results / "rays", tmp_path / "two")
+        assert head in make_page(results_folders(tmp_path), "Two")
 
     @pytest.mark.parametrize(
         ("cpu", "count"), [("AMD EPYC (family 25, model 1), 2 logical cores", 1), ("AMD EPYC, 2 logical cores", 2)]
@@ -200,8 +237,8 @@ class TestPage:
             rows = [{**json.loads(line), "cpu": cpu} for line in file.read_text().splitlines()]
             file.write_text("".join(json.dumps(row) + "\n" for row in rows))
         page = make_page(results_folders(tmp_path), "Two")
-        assert page.count("<h2>Summary") == count
-        heads = [f"<h2>Summary, machine {number} of 2 ({name})</h2>" for number, name in ((1, "one"), (2, "two"))]
+        assert page.count("<h2>Summary") == 1
+        heads = [f"<h2>Machine {number}: {cpu} ({name})</h2>" for number, name in ((1, "one"), (2, "two"))]
         assert all((head in page) == (count == 2) for head in heads)
 
     def test_scenes_of_one_name_are_told_apart(self, results: Path, tmp_path: Path) -> None:
@@ -228,6 +265,85 @@ class TestPage:
         shutil.copytree(results / "compare", tmp_path / "compare", ignore=shutil.ignore_patterns("images"))
         page = make_page(results_folders(tmp_path), "No images")
         assert 'class="comparer"' not in page and "Comparison (compare)" in page
+
+    def test_images_of_one_scene_in_two_folders_are_told_apart(self, results: Path, tmp_path: Path) -> None:
+        for name in ("one", "two"):
+            shutil.copytree(results / "compare", tmp_path / name)
+        for image in (tmp_path / "two" / "images").glob("*.exr"):
+            write_exr(image, np.stack([0.5 * plane for plane in read_exr(image).values()], axis=2), [], {})
+        page = make_page(results_folders(tmp_path), "Two")
+        one, two = (set(json.loads(specs).values()) for specs in re.findall("data-specs='([^']*)'", page))
+        assert one and two and not one & two
+
+    def test_a_scene_is_shown_where_others_rendered_it(self, results: Path, tmp_path: Path) -> None:
+        for name in ("heat", "compare"):
+            shutil.copytree(results / name, tmp_path / name)
+            file = tmp_path / name / "records.jsonl"
+            file.write_text(re.sub('"cpu": "[^"]*', f'"cpu": "of {name}', file.read_text()))
+            if name == "compare":
+                counters = tmp_path / name / "counters.jsonl"
+                counters.write_text(re.sub('"cpu": "[^"]*', f'"cpu": "of {name}', counters.read_text()))
+        page = make_page(results_folders(tmp_path), "Two")
+        (shown,) = re.findall('<img data-picture="([^"]*)" alt="room, rendered under native [(]compare[)]">', page)
+        assert shown in json.loads(re.search(r"const pictures = (\{.*?\});</script>", page).group(1))
+        shutil.rmtree(tmp_path / "compare" / "images")
+        assert "<img data-picture=" not in make_page(results_folders(tmp_path), "Two")
+
+    def test_jobs_that_failed_are_listed(self, results: Path, tmp_path: Path) -> None:
+        shutil.copytree(results / "compare", tmp_path / "compare", ignore=shutil.ignore_patterns("images"))
+        failed = [{"scene": scene, "spec": "ize", "message": f"no memory in {scene}"} for scene in ("room", "attic")]
+        (tmp_path / "compare" / "failures.jsonl").write_text("".join(json.dumps(row) + "\n" for row in failed))
+        page = make_page(results_folders(tmp_path), "Failed")
+        shown = text_of(page)
+        assert "2 jobs failed in compare" in shown.partition("scene hash")[0]
+        assert page.count("<caption>Failed jobs</caption>") == 2
+        scene, together = shown.split("All scenes together")[-2:]
+        assert "no memory in room" in scene and "no memory in attic" in together
+        assert "Failed jobs" not in (results / "report.html").read_text()
+
+    def test_a_folder_that_cannot_be_read_leaves_the_others_alone(
+        self, results: Path, command: Command, tmp_path: Path
+    ) -> None:
+        for name in ("all/good", "all/bad", "all/empty"):
+            shutil.copytree(results / "rays", tmp_path / name)
+        (tmp_path / "all" / "bad" / "records.jsonl").write_text('{"scene": "room"}\n')
+        (tmp_path / "all" / "empty" / "records.jsonl").write_text("")
+        result = command("report", "all")
+        assert result.returncode == 0
+        sentences = ("all/bad are damaged or of another version", "there are no records in all/empty yet")
+        shown = text_of((tmp_path / "all" / "report.html").read_text())
+        assert all(text in shown and text in " ".join(result.stderr.split()) for text in sentences)
+        assert "Replayed rays (good)" in shown
+        shutil.rmtree(tmp_path / "all" / "good")
+        assert command("report", "all").returncode == 2
+
+    @pytest.mark.parametrize("error", [RuntimeError("no"), ZeroDivisionError("no"), OSError(5, "no")])
+    def test_whatever_is_wrong_with_it(
+        self, results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+    ) -> None:
+        def figures(outcome: Outcome) -> list:
+            if outcome.command == "heatmap":
+                raise error
+            return []
+
+        for name in ("heat", "rays"):
+            shutil.copytree(results / name, tmp_path / name)
+        monkeypatch.setattr(Outcome, "figures", figures)
+        begun, left_out = [], []
+        page = make_page(results_folders(tmp_path), "Two", begun.append, left_out.append)
+        assert begun == ["heat", "rays"] and "Replayed rays (rays)" in page
+        (sentence,) = left_out
+        assert sentence.startswith(f"the records in {tmp_path / 'heat'} are") and sentence.endswith(f": {error}")
+        with pytest.raises(ValueError, match="no"):
+            make_page(results_folders(tmp_path / "heat"), "One")
+
+    def test_an_interruption_is_no_damage(self, results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def figures(_: Outcome) -> list:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(Outcome, "figures", figures)
+        with pytest.raises(KeyboardInterrupt):
+            make_page(results_folders(results), "All")
 
     def test_bad_input(self, results: Path, command: Command, tmp_path: Path) -> None:
         assert "there is no folder gone" in error_line(command("report", "gone"))
@@ -347,6 +463,29 @@ class TestStudies:
             "building and 1 spp": {"kd": 4.5, "auto": 1.625},
             "building and 8 spp": {"kd": 13, "auto": 11},
         }
+
+
+class TestCharts:
+    def test_variants_of_a_tree_are_together_and_told_apart(self) -> None:
+        trees = {"ize:axes=plain": 1.0, "native": 5.0, "kd": 2.0, "ize:axes=fast": 3.0}
+        chart = trade_chart(measure("rendering", **trees), measure("building", **trees))
+        assert [trace["name"] for trace in chart["data"]] == ["kd", "ize:axes=fast", "ize:axes=plain", "native"]
+        marks = [(trace["marker"]["color"], trace["marker"]["symbol"]) for trace in chart["data"]]
+        assert len(set(marks)) == 4 and marks[1][0] == marks[2][0]
+
+    def test_of_many_trees_the_quickest_are_drawn(self) -> None:
+        trees = {f"normals:k={k}": float(k) for k in range(32, 2, -1)}
+        chart = trade_chart(measure("rendering", **trees), measure("building", **trees))
+        assert {trace["name"] for trace in chart["data"]} == {f"normals:k={k}" for k in range(3, 23)}
+        assert chart["title"].endswith("; the 20 quickest of 30")
+
+    def test_trees_are_in_order_in_their_table(self) -> None:
+        stats = dict.fromkeys(
+            ("nodes", "interior_nodes", "oblique_nodes", "leaves", "empty_leaves", "references", "triangles", "bytes",
+             "max_depth"), 4
+        )  # fmt: skip
+        table = anatomy_table(dict.fromkeys(["normals", "kd:layout=wide", "random", "kd"], stats))
+        assert [row[0] for row in table.rows] == ["kd", "kd:layout=wide", "random", "normals"]
 
 
 class TestDescriptions:

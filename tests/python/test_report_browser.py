@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 from conftest import REPORTED
+
+from mitsuba_bsp.report.page import make_page
+from mitsuba_bsp.tables_cli import results_folders
 
 if TYPE_CHECKING:
     from selenium.webdriver import Chrome
@@ -209,8 +213,30 @@ class TestInTheBrowser:
         assert until(lambda: phone.execute_script("return document.documentElement.scrollWidth") <= 390)
 
     def test_the_first_column_leaves_room_on_a_phone(self, phone: Chrome) -> None:
-        wide = "return Math.max(...[...document.querySelectorAll('tbody th')].map(e => e.offsetWidth))"
+        wide = "return Math.max(...[...document.querySelectorAll('table:not(.wins) tbody th')].map(e => e.offsetWidth))"
         assert until(lambda: phone.execute_script(wide) <= 0.45 * 390)
+
+    def test_the_winners_are_cards_on_a_phone(self, phone: Chrome) -> None:
+        """Each number has its name, and nothing is out of sight."""
+        cells = (
+            "return [...document.querySelectorAll('.wins td')].map(e => [e.getBoundingClientRect().right, "
+            "e.scrollWidth - e.clientWidth, getComputedStyle(e, '::before').content])"
+        )
+        assert until(lambda: all(right <= 390 and over <= 0 for right, over, _ in phone.execute_script(cells)))
+        names = {name.strip('"') for _, _, name in phone.execute_script(cells)}
+        assert {"quickest tree", "build s", "time", "× native", "lead"} <= names
+
+    @pytest.mark.parametrize(("width", "media"), [(1280, "screen"), (1920, "screen"), (794, "print")])
+    def test_the_whole_summary_is_in_sight(self, browser: Chrome, width: int, media: str) -> None:
+        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": []})
+        over = "const s = document.querySelector('.scroll:has(.wins)'); return s.scrollWidth - s.clientWidth"
+        try:
+            assert until(lambda: browser.execute_script(over) <= 0)
+        finally:
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+            browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
     def test_figures_keep_their_size_on_a_phone_and_scroll(self, phone: Chrome) -> None:
         phone.execute_script("document.querySelector('figure.scroll').scrollIntoView()")
@@ -230,3 +256,42 @@ class TestInTheBrowser:
     def test_long_names_fit_a_desk(self, browser: Chrome) -> None:
         browser.execute_script("document.querySelector('figcaption').textContent = arguments[0]", 4 * LONG)
         assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+
+
+class TestMachines:
+    """A page about several machines."""
+
+    @pytest.fixture
+    def machines(self, browser: Chrome, results: Path, tmp_path: Path) -> Iterator[Chrome]:
+        for number in range(3):
+            shutil.copytree(results / "rays", tmp_path / f"rays{number}")
+            file = tmp_path / f"rays{number}" / "records.jsonl"
+            file.write_text(re.sub('"cpu": "[^"]*', f'"cpu": "processor {number}', file.read_text()))
+        (tmp_path / "report.html").write_text(make_page(results_folders(tmp_path), "Three"))
+        browser.get((tmp_path / "report.html").as_uri())
+        yield browser
+        browser.get((results / "report.html").as_uri())
+
+    def test_contents_lead_into_closed_machines(self, machines: Chrome) -> None:
+        is_open = "return [...document.querySelectorAll('.all-of')].map(e => e.open)"
+        assert machines.execute_script(is_open) == [True, False, False]
+        assert machines.execute_script("return document.querySelector('nav').offsetHeight") < 100
+        press(machines, "document.querySelector('.contents summary')")
+        link = "document.querySelector('nav a[href=\"#scene-3-1\"]')"
+        machines.execute_script(f"{link}.closest('details').open = true")
+        assert machines.execute_script(f"return {link}.offsetHeight") > 0
+        press(machines, link)
+        assert until(lambda: machines.execute_script(is_open) == [True, False, True])
+        top = "return document.getElementById('scene-3-1').getBoundingClientRect().top"
+        assert until(lambda: 0 <= machines.execute_script(top) < 400)
+        assert not machines.execute_script("return document.querySelector('.contents').open")
+
+    def test_paper_has_all_machines_and_the_screen_stays_as_it_was(self, machines: Chrome) -> None:
+        is_open = "return [...document.querySelectorAll('details')].map(e => e.open)"
+        before = machines.execute_script(is_open)
+        machines.execute_script("dispatchEvent(new Event('beforeprint'))")
+        assert all(machines.execute_script(is_open))
+        assert machines.execute_script("return document.querySelectorAll('.chart:not(.drawn)').length") == 0
+        machines.execute_script("dispatchEvent(new Event('afterprint'))")
+        assert machines.execute_script(is_open) == before and not all(before)
+        assert machines.get_log("browser") == []

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from ..outcomes import Outcome
-from ..records import Record, of
 from ..speeds import NONE
 from ..text_table import TextTable
+from .charts import order_of
 
 _HEAD = (
     "spec", "nodes", "depth", "oblique nodes", "leaves", "empty", "triangles a leaf", "refs/triangle", "capped leaves",
@@ -16,19 +16,19 @@ _HEAD = (
 )  # fmt: skip
 
 
-def trees_of(outcome: Outcome, scene: str) -> dict[str, Mapping[str, Any]]:
-    """The statistics of every tree that tells of itself, by spec; of repetitions and seeds the first."""
-    rows: Sequence[Record] = [row for row in outcome.folder.records() if "statistics" in row and not row.get("size")]
-    found: dict[str, Mapping[str, Any]] = {}
-    for row in of(rows, scene=scene):
-        if row["statistics"].get("leaves"):
-            found.setdefault(str(row.get("tree", row["spec"])), row["statistics"])
+def trees_of(outcome: Outcome) -> dict[str, dict[str, Mapping[str, Any]]]:
+    """The statistics of every tree that tells of itself, by scene and spec; of repetitions and seeds the first."""
+    found: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in outcome.folder.records():
+        if (row.get("statistics") or {}).get("leaves") and not row.get("size"):
+            found.setdefault(str(row["scene"]), {}).setdefault(str(row.get("tree", row["spec"])), row["statistics"])
     return found
 
 
 def anatomy_table(trees: Mapping[str, Mapping[str, Any]]) -> TextTable:
-    """One line a tree."""
-    return TextTable("Anatomy of the trees", _HEAD, tuple((spec, *_cells(stats)) for spec, stats in trees.items()))
+    """One line a tree, those of one kind together."""
+    rows = tuple((spec, *_cells(trees[spec])) for spec in sorted(trees, key=order_of))
+    return TextTable("Anatomy of the trees", _HEAD, rows)
 
 
 def _cells(stats: Mapping[str, Any]) -> tuple[str, ...]:

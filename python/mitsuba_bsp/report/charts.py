@@ -12,7 +12,12 @@ from .measures import Measure
 
 Chart = dict[str, Any]
 
-_HEIGHT, _BAR = 130, 26
+_HEIGHT, _BAR, _LEGEND_LINE = 130, 26, 14
+
+_SYMBOLS = (
+    "circle", "square", "diamond", "triangle-up", "cross", "x", "star", "triangle-down", "pentagon", "hexagram",
+    "bowtie", "hourglass",
+)  # fmt: skip
 
 #: Of more accelerators than that the quickest are drawn; the others are in the tables.
 _MOST = 20
@@ -21,6 +26,13 @@ _MOST = 20
 def colour_of(spec: str) -> str:
     """Of the kind of accelerator."""
     return COLOURS.get(spec.partition(":")[0], "#999999")
+
+
+def order_of(spec: str) -> tuple[int, str]:
+    """Where a spec is among others: kinds as everywhere, those of one kind together."""
+    kinds = list(COLOURS)
+    kind = spec.partition(":")[0]
+    return kinds.index(kind) if kind in kinds else len(kinds), spec
 
 
 def times_chart(measure: Measure) -> Chart:
@@ -52,9 +64,10 @@ def times_chart(measure: Measure) -> Chart:
 
 def trade_chart(trace_time: Measure, build_time: Measure) -> Chart | None:
     """Time to build against time to trace, a point an accelerator; None if they have none in common."""
-    specs = [spec for spec in trace_time.times if spec in build_time.times]
-    if not specs:
+    common = sorted((spec for spec in trace_time.times if spec in build_time.times), key=trace_time.median)
+    if not common:
         return None
+    specs = sorted(common[:_MOST], key=order_of)
     traces = [
         {
             "type": "scatter",
@@ -62,17 +75,30 @@ def trade_chart(trace_time: Measure, build_time: Measure) -> Chart | None:
             "x": [build_time.median(spec)],
             "y": [trace_time.median(spec)],
             "name": spec,
-            "marker": {"size": 12, "color": colour_of(spec), "line": {"color": "#888", "width": 1.5}},
+            "marker": {
+                "size": 12,
+                "color": colour_of(spec),
+                "symbol": symbol,
+                "line": {"color": "#888", "width": 1.5},
+            },
             "hovertemplate": f"<b>{spec}</b><br>build %{{x:.3g}} s<br>{trace_time.what} %{{y:.4g}} {trace_time.unit}"
             "<extra></extra>",
         }
-        for spec in specs
+        for spec, symbol in zip(specs, _symbols(specs), strict=True)
     ]
-    chart = _chart(traces, f"what building buys: {trace_time.what} ({trace_time.run}) against building", height=420)
-    chart["layout"] |= {"showlegend": True, "legend": {"orientation": "h", "y": -0.3}}
+    fewer = f"; the {_MOST} quickest of {len(common)}" if len(common) > _MOST else ""
+    title = f"what building buys: {trace_time.what} ({trace_time.run}) against building{fewer}"
+    chart = _chart(traces, title, height=360 + _LEGEND_LINE * len(specs))
+    chart["layout"] |= {"showlegend": True, "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"}}
     chart["layout"]["xaxis"] |= {"type": "log", "title": {"text": "building, s"}}
     chart["layout"]["yaxis"] |= {"rangemode": "tozero", "title": {"text": f"{trace_time.what}, {trace_time.unit}"}}
     return chart
+
+
+def _symbols(specs: Sequence[str]) -> list[str]:
+    """Those of one kind, and so of one colour, have different ones."""
+    kinds = [spec.partition(":")[0] for spec in specs]
+    return [_SYMBOLS[kinds[:place].count(kind) % len(_SYMBOLS)] for place, kind in enumerate(kinds)]
 
 
 def levels_chart(spec: str, levels: Sequence[Record]) -> Chart:

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..comparison import SceneInfo
-from ..outcomes import Outcome, outcomes
+from ..comparison import Failure, SceneInfo
+from ..messages import amount, one_sentence
+from ..outcomes import Outcome, failures, outcomes
 from ..records import ResultsFolder
 from ..speeds import BASELINES
 from ..text_table import TextTable
 from .anatomy import anatomy_table, trees_of
-from .charts import Chart, colour_of, levels_chart, times_chart, trade_chart
+from .charts import Chart, colour_of, levels_chart, order_of, times_chart, trade_chart
 from .descriptions import described
 from .measures import Measure, measures
-from .pictures import Renderings, figure_picture, renderings
+from .pictures import Picture, Renderings, figure_picture, renderings
 from .summary import Win, sentences, wins
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 #: Trees whose depths are drawn; the others are in the table.
 _DRAWN = 3
+_TELLING = ("kd", "normals", "auto")
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,7 @@ class Scene:
 
     name: str
     about: str
+    picture: Picture | None = None  #: where others rendered the same scene, if there are no renderings
     renderings: list[Renderings] = field(default_factory=list)
     measures: list[Measure] = field(default_factory=list)
     trees: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -63,14 +70,16 @@ class Scene:
 
     @property
     def charts(self) -> list[Chart]:
-        """Times, what building buys, and the depths of some trees."""
+        """Times, what building buys in each run, and the depths of some trees."""
         charts = [times_chart(measure) for measure in self.measures]
-        building = next((measure for measure in self.measures if measure.is_build), None)
-        traced = next((measure for measure in self.measures if not measure.is_build), None)
-        if building and traced and (chart := trade_chart(traced, building)):
-            charts.append(chart)
+        building = {measure.run: measure for measure in reversed(self.measures) if measure.is_build}
+        traced = {measure.run: measure for measure in reversed(self.measures) if not measure.is_build}
+        pairs = [(traced[run], building[run]) for run in traced if run in building]
+        if traced and building and not pairs:
+            pairs = [(list(traced.values())[-1], list(building.values())[-1])]
+        charts += [chart for pair in reversed(pairs) if (chart := trade_chart(*pair))]
         telling = [spec for spec, tree in self.trees.items() if tree.get("levels")]
-        drawn = sorted(telling, key=lambda spec: spec.partition(":")[0] not in ("kd", "normals", "auto"))[:_DRAWN]
+        drawn = sorted(telling, key=lambda spec: (spec.partition(":")[0] not in _TELLING, order_of(spec)))[:_DRAWN]
         return charts + [levels_chart(spec, self.trees[spec]["levels"]) for spec in drawn]
 
     @property
@@ -87,50 +96,87 @@ class Scene:
 class Machine:
     """All that was measured on one machine with one version of the software.
 
-    `only` is its one results folder, if nothing says whether others of the same name are the same; else empty.
+    `only` is its one results folder, if nothing says whether others of the same name are the same; else empty. `runs`
+    are all its folders, `notes` what went wrong there. `is_timed`: some tracing was.
     """
 
     about: Mapping[str, str]
     only: str
-    sentences: Sequence[str]
+    runs: Sequence[str]
+    notes: Sequence[str]
+    is_timed: bool
     wins: Sequence[Win]
     scenes: Sequence[Scene]
     parts: Sequence[Part]
 
+    @property
+    def sentences(self) -> list[str]:
+        return sentences(self.wins)
 
-def make_page(folders: Sequence[ResultsFolder], title: str) -> str:
-    """The page as HTML. ValueError for a folder whose records cannot be read."""
+    @property
+    def is_built(self) -> bool:
+        """Whether it is known what a winner takes to build."""
+        return any(win.build_s is not None for win in self.wins)
+
+    @property
+    def has_several_runs(self) -> bool:
+        """Whether the wins are of more than one run, or by more than one measure."""
+        return len({(win.what, win.run) for win in self.wins}) > 1
+
+
+@dataclass(frozen=True)
+class _Found:
+    """All that an outcome shows; `parts` by scene, `failed` are its jobs that failed."""
+
+    outcome: Outcome
+    run: str
+    parts: Mapping[str, Part]
+    measures: Sequence[Measure]
+    renderings: Sequence[Renderings]
+    trees: Mapping[str, Mapping[str, Any]]
+    failed: Sequence[Failure]
+
+
+def make_page(
+    folders: Sequence[ResultsFolder],
+    title: str,
+    begin: Callable[[str], None] = lambda _: None,
+    note: Callable[[str], None] = lambda _: None,
+) -> str:
+    """The page as HTML; a folder that cannot be shown is named there instead. ValueError if none can be.
+
+    `begin` is told the name of every folder, `note` what is left out.
+    """
     from jinja2 import Environment, PackageLoader
     from plotly.offline import get_plotlyjs
 
-    by_machine: dict[tuple[str, str], list[Outcome]] = {}
-    runs = _run_names(folders)
-    for folder in folders:
-        with _reading(folder):
-            for outcome in outcomes(folder):
-                only = "" if _is_certain(outcome.machine) else runs[folder.path]
-                by_machine.setdefault((json.dumps(outcome.machine), only), []).append(outcome)
-    machines = [_machine(found, only, runs) for (_, only), found in by_machine.items()]
-    images = {
-        name: data
-        for machine in machines
-        for scene in machine.scenes
-        for shown in scene.renderings
-        for name, data in shown.files.items()
-    }
+    found, left_out = _all_found(folders, begin)
+    if not found:
+        raise ValueError(left_out[0])
+    for sentence in left_out:
+        note(sentence)
+    by_machine: dict[tuple[str, str], list[_Found]] = {}
+    for one in found:
+        only = "" if _is_certain(one.outcome.machine) else one.run
+        by_machine.setdefault((json.dumps(one.outcome.machine), only), []).append(one)
+    pictures = _pictures(found)
+    machines = [_machine(own, only, pictures) for (_, only), own in by_machine.items()]
+    machines.sort(key=lambda machine: (-sum(win.is_clear for win in machine.wins), not machine.wins))
     environment = Environment(
         loader=PackageLoader("mitsuba_bsp.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     return environment.get_template("report.html").render(
         title=title,
         machines=machines,
-        images=images,
+        left_out=left_out,
+        images={name: data for one in found for shown in one.renderings for name, data in shown.files.items()},
         foreign=BASELINES,
         style=_text("style.css"),
         script=_text("script.js"),
         plotly=get_plotlyjs(),
         kind_of=kind_of,
         colour_of=colour_of,
+        breakable=breakable,
     )
 
 
@@ -139,8 +185,30 @@ def kind_of(cell: str) -> str:
     return "number" if cell[:1].isdigit() or cell[:1] in ("-", "+", ".") else "word"
 
 
+def breakable(text: str) -> Markup:
+    """A spec that may be broken before its settings."""
+    from markupsafe import Markup
+
+    return Markup("<wbr>").join(re.split("(?<=[:,])", text))
+
+
 def _text(name: str) -> str:
     return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
+
+
+def _all_found(folders: Sequence[ResultsFolder], begin: Callable[[str], None]) -> tuple[list[_Found], list[str]]:
+    """What is in the folders, and a sentence for each that cannot be shown."""
+    found: list[_Found] = []
+    left_out = []
+    names = _run_names(folders)
+    for folder in folders:
+        begin(names[folder.path])
+        try:
+            with _reading(folder):
+                found += _found(folder, names[folder.path])
+        except ValueError as error:
+            left_out.append(one_sentence(error))
+    return found, left_out
 
 
 @contextmanager
@@ -148,17 +216,45 @@ def _reading(folder: ResultsFolder) -> Iterator[None]:
     """Whatever is wrong with its files becomes a ValueError that names the folder."""
     try:
         yield
-    except KeyError as error:
-        reason = f"a record has no {error}"
-    except (TypeError, AttributeError, IndexError, ArithmeticError) as error:
-        reason = str(error)
-    except ValueError as error:
-        if str(folder.path) in str(error):
-            raise
-        reason = str(error)
-    else:
-        return
-    raise ValueError(f"the records in {folder.path} are damaged or of another version: {reason}")
+    except ImportError:
+        raise
+    except Exception as error:
+        if isinstance(error, (ValueError, OSError)) and str(folder.path) in str(error):
+            raise ValueError(str(error)) from None
+        reason = f"a record has no {error}" if isinstance(error, KeyError) else one_sentence(error)
+        raise ValueError(f"the records in {folder.path} are damaged or of another version: {reason}") from error
+
+
+def _found(folder: ResultsFolder, run: str) -> list[_Found]:
+    """One for every outcome; the jobs that failed are with the last."""
+    known = outcomes(folder)
+    if not known:
+        raise ValueError(f"there are no records in {folder.path} yet")
+    failed = list(dict.fromkeys(failures(folder)))
+    return [
+        _Found(
+            outcome,
+            run,
+            _parts(outcome, run, failed if outcome is known[-1] else ()),
+            list(measures(outcome)),
+            renderings(outcome),
+            trees_of(outcome),
+            failed if outcome is known[-1] else (),
+        )
+        for outcome in known
+    ]
+
+
+def _pictures(found: Sequence[_Found]) -> dict[str, Picture]:
+    """One of every scene that was rendered, by its hash."""
+    pictures: dict[str, Picture] = {}
+    for one in found:
+        digests = {info.name: info.scene_hash for info in one.outcome.scenes}
+        for shown in one.renderings:
+            spec, name = next(iter(shown.specs.items()))
+            about = f"{shown.scene}, rendered under {spec} ({one.run})"
+            pictures.setdefault(digests[shown.scene], Picture(name, about))
+    return pictures
 
 
 def _run_names(folders: Sequence[ResultsFolder]) -> dict[Path, str]:
@@ -172,28 +268,32 @@ def _is_certain(machine: Mapping[str, str]) -> bool:
     return "(family " in machine["cpu"]
 
 
-def _machine(found: Sequence[Outcome], only: str, runs: Mapping[Path, str]) -> Machine:
-    called = _names(found)
+def _machine(found: Sequence[_Found], only: str, pictures: Mapping[str, Picture]) -> Machine:
+    called = _names([one.outcome for one in found])
     scenes: dict[str, Scene] = {}
     timed: list[Measure] = []
     together: list[Part] = []
-    for outcome in sorted(found, key=lambda one: one.command.startswith("study")):  # they have more trees than others
-        with _reading(outcome.folder):
-            run = runs[outcome.folder.path]
-            parts, timings, pictures = _parts(outcome, run), list(measures(outcome)), renderings(outcome)
-            for info in outcome.scenes:
-                name = called[info.name, info.scene_hash]
-                scene = scenes.setdefault(name, Scene(name, _about(info)))
-                own = [replace(timing, scene=name, run=run) for timing in timings if timing.scene == info.name]
-                scene.measures += own
-                timed += own
-                scene.renderings += [shown for shown in pictures if shown.scene == info.name]
-                scene.trees = scene.trees or trees_of(outcome, info.name)
-                scene.parts += parts.get(info.name, [])
-            together += parts.get("", [])
-    winners = list(wins(timed))
-    shown = [scenes[name] for name in sorted(scenes) if not scenes[name].is_empty]
-    return Machine(found[0].machine, only, sentences(winners), winners, shown, together)
+    for one in sorted(found, key=lambda one: one.outcome.command.startswith("study")):  # they have more trees
+        for info in one.outcome.scenes:
+            name = called[info.name, info.scene_hash]
+            scene = scenes.setdefault(name, Scene(name, _about(info), pictures.get(info.scene_hash)))
+            own = [replace(timing, scene=name, run=one.run) for timing in one.measures if timing.scene == info.name]
+            scene.measures += own
+            timed += own
+            scene.renderings += [shown for shown in one.renderings if shown.scene == info.name]
+            scene.trees = scene.trees or one.trees.get(info.name, {})
+            scene.parts += [one.parts[info.name]] if info.name in one.parts else []
+        together += [one.parts[""]] if "" in one.parts else []
+    return Machine(
+        about=found[0].outcome.machine,
+        only=only,
+        runs=list(dict.fromkeys(one.run for one in found)),
+        notes=[f"{amount(len(one.failed), 'job')} failed in {one.run}" for one in found if one.failed],
+        is_timed=any(not timing.is_build for timing in timed),
+        wins=list(wins(timed)),
+        scenes=[scenes[name] for name in sorted(scenes) if not scenes[name].is_empty],
+        parts=together,
+    )
 
 
 def _names(found: Sequence[Outcome]) -> dict[tuple[str, str], str]:
@@ -207,7 +307,7 @@ def _about(info: SceneInfo) -> str:
     return f"{info.triangles:,} triangles, scene hash {info.scene_hash[:12]}"
 
 
-def _parts(outcome: Outcome, run: str) -> dict[str, list[Part]]:
+def _parts(outcome: Outcome, run: str, failed: Sequence[Failure]) -> dict[str, Part]:
     """What an outcome shows, by the scene that it is about; an empty name for all together."""
     names = sorted((scene.name for scene in outcome.scenes), key=len, reverse=True)
     title = f"{outcome.title} ({run})"
@@ -220,7 +320,11 @@ def _parts(outcome: Outcome, run: str) -> dict[str, list[Part]]:
     for name, figure in outcome.figures():
         scene, shown = described(name, outcome.title, names)
         parts[scene or home].figures.append(Figure(figure_picture(figure), shown))
-    return {name: [part] for name, part in parts.items() if not part.is_empty}
+    for name, part in parts.items():
+        rows = [(f.scene, f.spec, f.message) for f in failed if (f.scene if f.scene in names else "") == name]
+        if rows:
+            part.tables.append(TextTable("Failed jobs", ("scene", "spec", "reason"), tuple(rows), words=True))
+    return {name: part for name, part in parts.items() if not part.is_empty}
 
 
 def _made(outcome: Outcome, name: str) -> str:

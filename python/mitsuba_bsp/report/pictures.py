@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,6 +33,14 @@ class Renderings:
     specs: Mapping[str, str]
 
 
+@dataclass(frozen=True)
+class Picture:
+    """One of the images of a page, by its name, and what it shows."""
+
+    name: str
+    about: str
+
+
 def renderings(outcome: Outcome) -> list[Renderings]:
     """Those of a comparison, made on its machine, whose image files are still there."""
     if outcome.command != "compare":
@@ -46,7 +55,7 @@ def renderings(outcome: Outcome) -> list[Renderings]:
             if row is None or machine_of(row) != outcome.machine:
                 continue
             data = picture(outcome.folder.path / str(row["image"]))
-            name = next((known for known, other in files.items() if other == data), f"{scene.name}-{len(files)}")
+            name = f"{scene.name}-{hashlib.sha256(data.encode()).hexdigest()[:12]}"
             files[name] = data
             specs[spec.text] = name
         if specs:

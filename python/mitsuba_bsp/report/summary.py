@@ -101,7 +101,7 @@ def _tied(found: Sequence[Win], scenes: int) -> str:
     """Where no tree wins, and which are the quickest there for all that is known."""
     if len(found) <= _FEW:
         return ", ".join(f"{win.scene} ({win.spec}, {win.tied})" for win in found)
-    where = f"any of the {scenes} scenes" if len(found) == scenes else ", ".join(win.scene for win in found)
+    where = f"any of the {scenes} scenes" if len(found) == scenes else f"the other {len(found)} scenes"
     counts = Counter(tree for win in found for tree in (win.spec, *win.rivals))
     most = max(counts.values())
     often = [tree for tree, count in counts.items() if count == most]

@@ -19,13 +19,31 @@ function draw(chart) {
 const seen = new IntersectionObserver(entries => entries.forEach(entry => entry.isIntersecting && draw(entry.target)), { rootMargin: "300px" });
 all(".chart").forEach(chart => seen.observe(chart));
 
+all("img[data-picture]").forEach(image => { image.src = pictures[image.dataset.picture]; });
+
+// What a link leads to is shown, and the contents are put away.
+const contents = document.querySelector(".contents");
+function reveal() {
+  const target = document.getElementById(location.hash.slice(1));
+  for (let outer = target; outer; outer = outer.parentElement?.closest("details")) if (outer.tagName === "DETAILS") outer.open = true;
+  if (target) { if (contents) contents.open = false; target.scrollIntoView(); }
+}
+all("nav a, .overview a").forEach(link => link.addEventListener("click", () => setTimeout(reveal)));
+addEventListener("hashchange", reveal);
+reveal();
+
 // On paper everything is drawn, explained and as wide as the paper.
 const PAPER = 640;
+let closed = [];
 addEventListener("beforeprint", () => {
-  all("details").forEach(details => { details.open = true; });
+  closed = all("details:not([open])");
+  closed.forEach(details => { details.open = true; });
   all(".chart").forEach(chart => { draw(chart); Plotly.relayout(chart, { autosize: false, width: PAPER }); });
 });
-addEventListener("afterprint", () => all(".chart").forEach(chart => Plotly.relayout(chart, { autosize: true, width: null })));
+addEventListener("afterprint", () => {
+  all(".chart").forEach(chart => Plotly.relayout(chart, { autosize: true, width: null }));
+  closed.forEach(details => { details.open = false; });
+});
 
 // Columns sort by their numbers in their units, or else by their words; a second press turns the order around.
 const UNITS = { __proto__: null, "%": .01, k: 1e3, M: 1e6, G: 1e9, ns: 1e-9, us: 1e-6, "µs": 1e-6, ms: 1e-3, s: 1, min: 60, h: 3600, B: 1, kB: 1e3, MB: 1e6, GB: 1e9, KiB: 2 ** 10, MiB: 2 ** 20, GiB: 2 ** 30 };
