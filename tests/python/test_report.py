@@ -484,8 +484,17 @@ class TestCharts:
             ("nodes", "interior_nodes", "oblique_nodes", "leaves", "empty_leaves", "references", "triangles", "bytes",
              "max_depth"), 4
         )  # fmt: skip
-        table = anatomy_table(dict.fromkeys(["normals", "kd:layout=wide", "random", "kd"], stats))
-        assert [row[0] for row in table.rows] == ["kd", "kd:layout=wide", "random", "normals"]
+        order = [
+            "kd",
+            "kd:layout=wide",
+            "random:k=3",
+            "random:k=16",
+            "normals:alpha=0.05",
+            "normals:alpha=0.2",
+            "native",
+        ]
+        table = anatomy_table(dict.fromkeys(sorted(order), stats))
+        assert [row[0] for row in table.rows] == order
 
 
 class TestDescriptions:

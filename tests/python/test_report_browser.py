@@ -193,6 +193,20 @@ class TestInTheBrowser:
         )
         assert browser.execute_script(fill, [rising[i] for i in (2, 0, 3, 1)]) == rising
 
+    def test_tables_fit_paper(self, browser: Chrome) -> None:
+        size = {"width": 794, "height": 1123, "deviceScaleFactor": 1, "mobile": False}
+        heads = "document.querySelectorAll('tbody th').forEach(e => {{ {} }})"
+        browser.execute_script(heads.format("e.was = e.textContent; e.textContent = arguments[0];"), LONG)
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": []})
+        right = "return Math.max(...[...document.querySelectorAll('table')].map(e => e.getBoundingClientRect().right))"
+        try:
+            assert until(lambda: browser.execute_script(right) <= 794)
+        finally:
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
+            browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+            browser.execute_script(heads.format("e.textContent = e.was;"))
+
     @pytest.fixture
     def phone(self, browser: Chrome) -> Iterator[Chrome]:
         """A narrow screen, and a long spec everywhere."""
@@ -225,6 +239,8 @@ class TestInTheBrowser:
         assert until(lambda: all(right <= 390 and over <= 0 for right, over, _ in phone.execute_script(cells)))
         names = {name.strip('"') for _, _, name in phone.execute_script(cells)}
         assert {"quickest tree", "build s", "time", "× native", "lead"} <= names
+        roles = "return [...document.querySelector('.wins').querySelectorAll('tr, th, td')].map(e => e.role)"
+        assert set(phone.execute_script(roles)) == {"row", "rowheader", "cell", "columnheader"}
 
     @pytest.mark.parametrize(("width", "media"), [(1280, "screen"), (1920, "screen"), (794, "print")])
     def test_the_whole_summary_is_in_sight(self, browser: Chrome, width: int, media: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ from .measures import Measure
 
 Chart = dict[str, Any]
 
-_HEIGHT, _BAR, _LEGEND_LINE = 130, 26, 14
+_HEIGHT, _BAR, _LEGEND_LINE = 130, 26, 20
 
 _SYMBOLS = (
     "circle", "square", "diamond", "triangle-up", "cross", "x", "star", "triangle-down", "pentagon", "hexagram",
@@ -28,11 +29,13 @@ def colour_of(spec: str) -> str:
     return COLOURS.get(spec.partition(":")[0], "#999999")
 
 
-def order_of(spec: str) -> tuple[int, str]:
-    """Where a spec is among others: kinds as everywhere, those of one kind together."""
+def order_of(spec: str) -> tuple[int, list[str | float]]:
+    """Where a spec is among others: kinds as everywhere, those of one kind together, by their numbers."""
     kinds = list(COLOURS)
     kind = spec.partition(":")[0]
-    return kinds.index(kind) if kind in kinds else len(kinds), spec
+    parts = re.split(r"(\d+\.?\d*)", spec)
+    own = [float(part) if place % 2 else part for place, part in enumerate(parts)]
+    return kinds.index(kind) if kind in kinds else len(kinds), own
 
 
 def times_chart(measure: Measure) -> Chart:
@@ -88,7 +91,7 @@ def trade_chart(trace_time: Measure, build_time: Measure) -> Chart | None:
     ]
     fewer = f"; the {_MOST} quickest of {len(common)}" if len(common) > _MOST else ""
     title = f"what building buys: {trace_time.what} ({trace_time.run}) against building{fewer}"
-    chart = _chart(traces, title, height=360 + _LEGEND_LINE * len(specs))
+    chart = _chart(traces, title, height=340 + _LEGEND_LINE * len(specs))
     chart["layout"] |= {"showlegend": True, "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"}}
     chart["layout"]["xaxis"] |= {"type": "log", "title": {"text": "building, s"}}
     chart["layout"]["yaxis"] |= {"rangemode": "tozero", "title": {"text": f"{trace_time.what}, {trace_time.unit}"}}
@@ -126,8 +129,8 @@ def levels_chart(spec: str, levels: Sequence[Record]) -> Chart:
 
 
 def _speeds(measure: Measure, spec: str) -> str:
-    found = {name: measure.speedup(spec, name) for name in BASELINES}
-    return "<br>".join(f"{speed} times as fast as {name}" for name, speed in found.items() if speed)
+    found = {name: measure.speed(spec, name) for name in BASELINES}
+    return "<br>".join(f"{speed:.2f} times as fast as {name}" for name, speed in found.items() if speed)
 
 
 def _chart(traces: list[Chart], title: str, height: int) -> Chart:

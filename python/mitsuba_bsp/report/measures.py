@@ -59,6 +59,11 @@ class Measure:
         ratios = self._ratios(over, spec)
         return _median_interval(tuple(ratios)) if ratios else None
 
+    def speed(self, spec: str, over: str) -> float | None:
+        """The same without its interval."""
+        ratios = self._ratios(over, spec)
+        return median(ratios) if ratios else None
+
     def led(self, spec: str, others: Sequence[str]) -> list[str]:
         """Those of the others that it is quicker than: by more than the noise, and not by chance.
 

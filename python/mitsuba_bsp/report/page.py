@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ..comparison import Failure, SceneInfo
 from ..messages import amount, one_sentence
 from ..outcomes import Outcome, failures, outcomes
-from ..records import ResultsFolder
+from ..records import Record, ResultsFolder
 from ..speeds import BASELINES
 from ..text_table import TextTable
 from .anatomy import anatomy_table, trees_of
@@ -137,6 +137,19 @@ class _Found:
     failed: Sequence[Failure]
 
 
+@dataclass(frozen=True)
+class _Folder(ResultsFolder):
+    """Reads its records once, as tables and figures ask for them again and again."""
+
+    rows: dict[str, list[Record]] = field(default_factory=dict, compare=False)
+
+    def records(self) -> list[Record]:
+        key = json.dumps(self.machine)
+        if key not in self.rows:
+            self.rows[key] = super().records()
+        return self.rows[key]
+
+
 def make_page(
     folders: Sequence[ResultsFolder],
     title: str,
@@ -227,7 +240,7 @@ def _reading(folder: ResultsFolder) -> Iterator[None]:
 
 def _found(folder: ResultsFolder, run: str) -> list[_Found]:
     """One for every outcome; the jobs that failed are with the last."""
-    known = outcomes(folder)
+    known = outcomes(_Folder(folder.path))
     if not known:
         raise ValueError(f"there are no records in {folder.path} yet")
     failed = list(dict.fromkeys(failures(folder)))
