@@ -74,16 +74,16 @@ def finding(effect: Effect, p: float, limit: float, counted: bool = False) -> Fi
     return "less" if effect.ratio.value < 1 else "more"
 
 
-def noise_of(repeated: Iterable[Sequence[float]], repeats: int = 1) -> float | None:
+def noise_of(repeated: Iterable[Sequence[float]], repeats: int = 1, pairs: int = 1) -> float | None:
     """By how much the medians of so many ratios of two runs of one and the same tree differ from 1 at most.
 
     In 95 of 100 cases, by drawing from the ratios of all pairs of such runs; None without any. Each sequence holds the
-    times of one tree on one scene.
+    times of one tree on one scene. With several `pairs` of trees, what differs is the geometric mean of their ratios.
     """
     gaps = [np.log(a / b) for times in repeated for a, b in itertools.permutations(times, 2)]
     if not gaps:
         return None
-    drawn = np.random.default_rng(_SEED).choice(gaps, (_DRAWS, repeats))
+    drawn = np.random.default_rng(_SEED).choice(gaps, (_DRAWS, repeats, pairs)).mean(axis=2)
     return float(np.expm1(np.quantile(np.abs(np.median(drawn, axis=1)), NOISE_SHARE)))
 
 

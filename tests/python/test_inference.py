@@ -93,3 +93,4 @@ def test_the_noise_of_medians_shrinks_with_repetitions() -> None:
     """The median of n normal numbers has 1.57 / n of their variance if n is large."""
     runs = np.exp(np.random.default_rng(1).normal(0, 0.02, (50, 6)))
     assert noise_of(runs, 101) == pytest.approx(1.96 * 0.02 * np.sqrt(2 * 1.57 / 101), rel=0.1)
+    assert noise_of(runs, 1, 9) == pytest.approx(1.96 * 0.02 * np.sqrt(2 / 9), rel=0.1)

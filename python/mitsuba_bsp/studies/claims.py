@@ -34,14 +34,15 @@ _XLABEL = "% of what it is held against; strokes: scenes; dot and bar: all of th
 _LEGEND = (
     "Sentences of the draft, each about pairs of trees. The effect on a scene is the geometric mean over the pairs, "
     "its median over repetitions; trees that draw directions have another seed in each repetition, and pairs share "
-    "their seed. Over all scenes it is the geometric mean of theirs. Intervals are bootstraps (95 %) of repetitions or "
-    "of scenes. Confirmed: at least half of the scenes show it beyond the noise and none the opposite; refuted: the "
-    "other way round; open: neither. The noise is that of as many runs of one and the same tree on the scene, at least "
-    "5 %; counters have none, but those within 1 % are called alike. Probabilities are Wilcoxon's over scenes, "
-    "Student's for a scene or a pair of trees; those of a claim are corrected for their number (Benjamini, Hochberg). "
-    "That the axes help because scenes are partly axis-aligned is judged by the ranks of scenes: those of the time "
-    "with the axes against those of the area along them, in whole percent; open if chance gives such a correlation "
-    "more often than one time in twenty, or if the times of scenes differ by no more than the noise."
+    "their seed. Over all scenes it is the geometric mean of theirs. Intervals are bootstraps (95 %) of repetitions "
+    "or of scenes. Confirmed: at least half of the scenes show it beyond the noise and none the opposite; refuted: "
+    "the other way round; open: neither. The noise is that of as many runs of one and the same tree on the scene (of "
+    "pairs of different trees, that of their mean), at least 5 %; counters have none, but those within 1 % are called "
+    "alike. Probabilities are Wilcoxon's over scenes, Student's for a scene or a pair of trees; those of a claim are "
+    "corrected for their number (Benjamini, Hochberg). That the axes help because scenes are partly axis-aligned is "
+    "judged by the ranks of scenes: those of the time with the axes against those of the area along them, in whole "
+    "percent; open if chance gives such a correlation more often than one time in twenty, or if the times of scenes "
+    "differ by no more than the noise."
 )
 
 
@@ -83,12 +84,18 @@ def judge_claim(runs: Runs, claim: Claim) -> Judged:
     effects = {scene: effect_of(_ratios(runs, claim, scene), counted) for scene in runs.scenes}
     corrected = adjusted(list(effects.values()))
     evidence = [
-        Evidence(scene, effect, p, finding(effect, p, runs.limit(scene, claim.quantity), counted))
+        Evidence(scene, effect, p, finding(effect, p, _limit(runs, claim, scene), counted))
         for (scene, effect), p in zip(effects.items(), corrected, strict=True)
         if effect
     ]
     overall = effect_over_scenes([item.effect.ratio.value for item in evidence])
     return Judged(claim, evidence, overall, judge(claim.expected, evidence))
+
+
+def _limit(runs: Runs, claim: Claim, scene: str) -> float:
+    """What the effect on a scene must exceed: pairs of different trees make up for each other's noise."""
+    trees = {tree for pair in claim.pairs for tree in pair}
+    return runs.limit(scene, claim.quantity, len(claim.pairs) if len(trees) == 2 * len(claim.pairs) else 1)
 
 
 def _ratios(runs: Runs, claim: Claim, scene: str) -> list[float]:
@@ -107,7 +114,7 @@ def judge_alignment(runs: Runs) -> Judged:
     own = [shares[item.scene] for item in scenes]
     found = _correlation(own, ratios)
     claim = replace(axes.claim, sentence=ALIGNMENT)
-    noise = max(map(runs.noise, runs.scenes))
+    noise = max(_limit(runs, axes.claim, scene) for scene in runs.scenes)
     return Judged(claim, scenes, None, _verdict_on(found, own, ratios, noise), found)
 
 

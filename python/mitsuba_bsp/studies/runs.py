@@ -86,10 +86,10 @@ class Runs:
         """What the ratios say."""
         return effect_of(list(self.ratios(scene, tree, other, quantity).values()), quantity.counted)
 
-    def limit(self, scene: str, quantity: Quantity) -> float:
+    def limit(self, scene: str, quantity: Quantity, pairs: int = 1) -> float:
         """What a difference must exceed on a scene: the noise of the medians of a quantity, or what matters of a count.
 
-        The noise is that of trees which are the same every time.
+        The noise is that of trees which are the same every time; `pairs`: of the mean over so many pairs of trees.
         """
         if quantity.counted:
             return LEAST_DIFFERENCE
@@ -97,7 +97,7 @@ class Runs:
         same = [runs for runs in timed if len({run["spec"] for run in runs.values()}) == 1]
         values = [[value for run in runs.values() if (value := quantity.read(run))] for runs in same]
         repeats = round(median(map(len, timed))) if timed else 1
-        return max(USUAL_NOISE, noise_of(values, repeats) or 0.0)
+        return max(USUAL_NOISE, noise_of(values, repeats, pairs) or 0.0)
 
     def noise(self, scene: str) -> float:
         """That of the times of frames."""
