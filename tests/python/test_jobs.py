@@ -21,7 +21,7 @@ from mitsuba_bsp.jobs import Job, JobError, run_job
 def test_inspection_finds_what_a_comparison_needs(room: Path) -> None:
     found = run_job(Job("inspect", str(room), "scalar_rgb", params={"spp": "5"}, resolution=16)).values
     assert found["content"] == {
-        "triangles": 30, "meshes": 5, "others": {}, "shape_groups": 0, "instances": 0,
+        "triangles": 30, "meshes": 5, "others": {}, "shape_groups": 0, "instances": 0, "grouped": 0,
         "bounded": {"Sphere": 1}, "several": {},
     }  # fmt: skip
     assert (found["spp"], found["resolution"]) == (5, [16, 16])
