@@ -17,6 +17,9 @@ ALPHA = 0.05
 #: Medians of runs of one tree differ by less than the noise in this share of cases.
 NOISE_SHARE = 0.95
 
+#: Times that differ by no more are always called noise, for this much machines do that are shared.
+USUAL_NOISE = 0.05
+
 _DRAWS, _SEED = 10_000, 0
 
 Finding = Literal["less", "more", "noise", "alike", "unclear"]
@@ -85,6 +88,11 @@ def noise_of(repeated: Iterable[Sequence[float]], repeats: int = 1, pairs: int =
         return None
     drawn = np.random.default_rng(_SEED).choice(gaps, (_DRAWS, repeats, pairs)).mean(axis=2)
     return float(np.expm1(np.quantile(np.abs(np.median(drawn, axis=1)), NOISE_SHARE)))
+
+
+def noise_limit(repeated: Iterable[Sequence[float]], repeats: int, pairs: int = 1) -> float:
+    """What a difference of times must exceed: that noise, and what is usual."""
+    return max(USUAL_NOISE, noise_of(repeated, repeats, pairs) or 0.0)
 
 
 def _probability(logs: np.ndarray, exact: bool) -> float:

@@ -9,12 +9,12 @@ from operator import itemgetter
 from statistics import median
 
 from ..expected_rays import AUTO
-from ..inference import adjusted, effect_of, finding, noise_of
+from ..inference import adjusted, effect_of, finding, noise_limit
 from ..intervals import Interval, median_interval
 from ..outcomes import Outcome
 from ..records import Record, of
 from ..spec import names
-from ..studies.runs import BUILD, RENDER, USUAL_NOISE, Quantity, spec_of
+from ..studies.runs import BUILD, RENDER, Quantity, spec_of
 from ..totals import TotalOptions
 from ..trade import found as trade
 
@@ -90,7 +90,7 @@ class Measure:
     def _noise(self, repeats: int) -> float:
         """By how much medians of so many ratios differ from 1 where nothing differs."""
         same = [list(runs.values()) for spec, runs in self.times.items() if spec not in self.varied]
-        return max(USUAL_NOISE, noise_of(same, repeats) or 0)
+        return noise_limit(same, repeats)
 
 
 def measures(outcome: Outcome) -> Iterator[Measure]:

@@ -192,11 +192,12 @@ def _evidence_table(runs: Runs, claim: Claim) -> TextTable:
     effects = {(s, pair): runs.effect(s, *pair, claim.quantity) for s in runs.scenes for pair in claim.pairs}
     corrected = adjusted(list(effects.values()))
     counted = claim.quantity.counted
+    limits = {scene: runs.limit(scene, claim.quantity) for scene in runs.scenes}
     return TextTable(
         f"{claim.sentence} ({claim.quantity.name})",
         ("scene", "tree", "against", "%", "p", "finding"),
         tuple(
-            (scene, *pair, percent(effect), f"{p:.2g}", finding(effect, p, runs.limit(scene, claim.quantity), counted))
+            (scene, *pair, percent(effect), f"{p:.2g}", finding(effect, p, limits[scene], counted))
             for ((scene, pair), effect), p in zip(effects.items(), corrected, strict=True)
             if effect
         ),

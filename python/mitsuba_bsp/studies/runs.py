@@ -8,7 +8,7 @@ from functools import cache, partial
 from statistics import median
 from typing import Literal
 
-from ..inference import Effect, effect_of, noise_of
+from ..inference import Effect, effect_of, noise_limit
 from ..records import Record
 from ..spec import Spec, parse_spec
 from .work import PIXELS
@@ -30,9 +30,6 @@ class Quantity:
 
 #: The kinds of rays that ask for the closest hit, and those that ask for any.
 CLOSEST, ANY = ("camera", "bounce"), ("shadow",)
-
-#: Times that differ by no more are always called noise, for this much machines do that are shared.
-USUAL_NOISE = 0.05
 
 #: Counters that differ by no more are called alike: they have no noise, but a difference should matter.
 LEAST_DIFFERENCE = 0.01
@@ -97,7 +94,7 @@ class Runs:
         same = [runs for runs in timed if len({run["spec"] for run in runs.values()}) == 1]
         values = [[value for run in runs.values() if (value := quantity.read(run))] for runs in same]
         repeats = round(median(map(len, timed))) if timed else 1
-        return max(USUAL_NOISE, noise_of(values, repeats, pairs) or 0.0)
+        return noise_limit(values, repeats, pairs)
 
     def noise(self, scene: str) -> float:
         """That of the times of frames."""
